@@ -111,6 +111,8 @@ pub struct HodgeInertia {
 pub struct EigenbasisDetails {
     /// A note for each dense problem: the graphics card that solved it, or why it did not; absent where no card had to do with it.
     dense_solver: Vec<String>,
+    /// The graphics card that measured the errors of an approximation, a note for each time, or why it did not; absent where no card had to do with it.
+    measured_on: Vec<String>,
     /// Where a faster way was given up for a surer one, and why; absent where none was.
     fallbacks: Vec<String>,
 }

@@ -14,7 +14,7 @@
 //! | [`plain_links`] | links within the documentation of the code lead nowhere here |
 //! | [`prune`] | what nothing refers to is left out |
 
-use chladni_base::notes::{DENSE_SOLVER, FALLBACKS};
+use chladni_base::notes::{DENSE_SOLVER, FALLBACKS, MEASURED_ON};
 use serde_json::{Map, Value, json};
 
 use super::{kinds, variants};
@@ -28,7 +28,7 @@ const ABSENT: &[(&str, &[&str])] = &[
     ("HodgeOperator", &["domain"]),
     ("MeshReport", &["points", "polygons", "solid", "subdivisions", "surface", "file", "attributes"]),
     ("OperatorReport", &["polygons", "flat_tetrahedra"]),
-    ("EigenbasisDetails", &[DENSE_SOLVER, FALLBACKS]),
+    ("EigenbasisDetails", &[DENSE_SOLVER, MEASURED_ON, FALLBACKS]),
     ("FieldBasisDetails", &[DENSE_SOLVER]),
     ("OperatorFamilyDetails", &[DENSE_SOLVER]),
     ("VibrationBasisDetails", &[DENSE_SOLVER]),

@@ -50,7 +50,7 @@ pub use krylov_block::{
 };
 pub use lift::{LIFT_WIDTH, RowLifter};
 pub use mass::{MassMatrix, WeightedMass};
-pub use multigrid::{CYCLE_WIDTH, CycleRow, CycleWorkspace, Multigrid, MultigridError};
+pub use multigrid::{CYCLE_WIDTH, CycleRow, CycleWorkspace, Multigrid, MultigridError, by_patch};
 pub use ordering::{Ordering, fill_reducing_order, postordered};
 use panel_products::residual_panel_rows;
 pub use panel_products::{

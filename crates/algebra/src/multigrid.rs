@@ -13,12 +13,20 @@
 mod aggregate;
 mod coarsest;
 mod restrict;
+mod sharing;
+mod smoother;
 
-use std::ops::Range;
+use std::sync::{Mutex, OnceLock, PoisonError};
+
+use rayon::prelude::*;
 
 use self::aggregate::prolongation;
-use self::coarsest::Coarsest;
+pub(crate) use self::coarsest::Coarsest;
 use self::restrict::restricted;
+pub use self::sharing::by_patch;
+use self::sharing::{SHARED_ROWS, Sharing, over_patches};
+use self::smoother::{Buffers, Factors, add_product, residual, restrict};
+pub(crate) use self::smoother::{ChebyshevStep, FIRST_GAMMA, chebyshev};
 use super::patches::{RINGS, SparseRows, patches};
 use super::{EigenError, MassMatrix, Patch, SparseMatrix, vectorized};
 use chladni_base::{Cancelled, Monitor};
@@ -39,83 +47,72 @@ const MOST_LEVELS: usize = 12;
 /// percent of the value on average: igea with 134,345 vertices 6.3 with degrees 2 and 2, 4.6 with 2 and 3, 3.9 with 1 and 5, 3.6 with 1 and 7;
 /// subdivided once, 7.2 with 2 and 3, 5.4 with 1 and 5, 5.0 with 1 and 7, and with 2 and 2 not close enough, so that a second cycle was due;
 /// subdivided twice, a third.
-const BEFORE: usize = 1;
-const AFTER: usize = 5;
+pub(crate) const BEFORE: usize = 1;
+pub(crate) const AFTER: usize = 5;
 
 /// The same on coarser levels: estimates of errors are 4 % larger, and as much closer, than with two and two; more cycles there gain little.
-const COARSE_BEFORE: usize = 2;
-const COARSE_AFTER: usize = 4;
-
-/// The share of the spectrum that the smoother leaves to the coarse level.
-const LEFT_TO_COARSE: f32 = 0.12;
-
-/// The middle and the half width of the interval that the smoother damps.
-const MIDDLE: f32 = 0.5 * (1.0 + LEFT_TO_COARSE);
-const HALF: f32 = 0.5 * (1.0 - LEFT_TO_COARSE);
+pub(crate) const COARSE_BEFORE: usize = 2;
+pub(crate) const COARSE_AFTER: usize = 4;
 
 /// Smoothing steps on the last level where it is too large to be diagonalised.
-const LAST_DEGREE: usize = 8;
+pub(crate) const LAST_DEGREE: usize = 8;
 
 /// The hierarchy for one pencil `(S, M)`.
 #[derive(Debug)]
 pub struct Multigrid {
     patches: Vec<Patch>,
     /// From what is solved by levels to the matrix itself; none where the matrix itself is.
-    finest: Option<Finest>,
-    levels: Vec<Level>,
-    coarsest: Option<Coarsest>,
+    pub(crate) finest: Option<Finest>,
+    pub(crate) levels: Vec<Level>,
+    pub(crate) coarsest: Option<Coarsest>,
 }
 
 /// The matrix itself, whose panels exceed the cache: it is smoothed patch by patch.
 #[derive(Debug)]
-struct Finest {
-    diagonal: Diagonal,
-    prolongation: SparseRows,
+pub(crate) struct Finest {
+    pub(crate) diagonal: Diagonal,
+    pub(crate) prolongation: SparseRows,
+    restriction: OnceLock<SparseRows>,
 }
 
 #[derive(Debug)]
-struct Level {
-    matrix: SparseRows,
-    diagonal: Diagonal,
+pub(crate) struct Level {
+    pub(crate) matrix: SparseRows,
+    pub(crate) diagonal: Diagonal,
     /// From the next level to this one; none on the last.
-    prolongation: Option<SparseRows>,
+    pub(crate) prolongation: Option<SparseRows>,
+    restriction: OnceLock<SparseRows>,
+}
+
+impl Level {
+    /// The transposed prolongation, with as many rows as the next level, made when threads first share a panel.
+    fn restriction(&self, prolongation: &SparseRows, rows: usize) -> &SparseRows {
+        self.restriction.get_or_init(|| prolongation.transposed(rows))
+    }
 }
 
 /// What smoothing needs to know of a row.
 #[derive(Debug)]
-struct Diagonal {
+pub(crate) struct Diagonal {
     /// The absolute row sums of `S + cM`.
-    sums: Vec<f32>,
+    pub(crate) sums: Vec<f32>,
     /// The lumped mass.
-    mass: Vec<f32>,
+    pub(crate) mass: Vec<f32>,
     /// The share of the mass that `sums` holds and the matrix does not.
-    floor: f32,
+    pub(crate) floor: f32,
 }
 
-/// What one panel needs on every level; one for each thread.
+/// What one panel needs on every level: one for each thread, or one that all threads share.
 #[derive(Debug)]
 pub struct CycleWorkspace {
     /// The smoothed panel on the finest level.
     smoothed: Vec<CycleRow>,
-    /// A patch with its rings.
-    patch: Buffers,
+    /// Where threads share a panel, what is left of the right-hand side on the finest level.
+    rest: Option<Vec<CycleRow>>,
+    /// Patches with their rings, one for each thread.
+    patches: Mutex<Vec<Buffers>>,
     levels: Vec<Buffers>,
     reduced: Vec<CycleRow>,
-}
-
-#[derive(Debug, Default)]
-struct Buffers {
-    right: Vec<CycleRow>,
-    x: Vec<CycleRow>,
-    before: Vec<CycleRow>,
-    factors: Vec<Factors>,
-}
-
-/// What a row is scaled by in the smoother, one over the absolute sum of `S + σM`, and its own multiple of `M`.
-#[derive(Debug, Clone, Copy, Default)]
-struct Factors {
-    scale: f32,
-    mass: f32,
 }
 
 /// Why there is no hierarchy.
@@ -168,10 +165,10 @@ impl Multigrid {
             let rows = (!last).then(|| SparseRows::of(&prolongation));
             if number == 0 && !last {
                 let diagonal = Diagonal::of(&level.0, &level.1, floor);
-                finest = rows.map(|prolongation| Finest { diagonal, prolongation });
+                finest = rows.map(|prolongation| Finest { diagonal, prolongation, restriction: OnceLock::new() });
             } else {
                 let (matrix, diagonal) = (SparseRows::of(&level.0), Diagonal::of(&level.0, &level.1, 0.0));
-                levels.push(Level { matrix, diagonal, prolongation: rows });
+                levels.push(Level { matrix, diagonal, prolongation: rows, restriction: OnceLock::new() });
             }
             if last {
                 break;
@@ -193,8 +190,19 @@ impl Multigrid {
         finest.chain(self.levels.iter().map(|level| level.diagonal.mass.len())).collect()
     }
 
-    /// Memory for one panel at a time.
+    /// Memory for one panel at a time, which one thread works on.
     pub fn workspace(&self) -> CycleWorkspace {
+        self.workspace_of(None)
+    }
+
+    /// Memory for one panel at a time, which all threads work on together. Sums on coarse levels are in another order, and results the same up to
+    /// rounding, whatever the number of threads.
+    pub fn shared_workspace(&self) -> CycleWorkspace {
+        let n = self.finest.as_ref().map_or(0, |finest| finest.diagonal.mass.len());
+        self.workspace_of(Some(vec![[0.0; CYCLE_WIDTH]; n]))
+    }
+
+    fn workspace_of(&self, rest: Option<Vec<CycleRow>>) -> CycleWorkspace {
         let zeros = |n| vec![[0.0; CYCLE_WIDTH]; n];
         let buffers = |level: &Level| {
             let n = level.diagonal.mass.len();
@@ -203,50 +211,72 @@ impl Multigrid {
         };
         CycleWorkspace {
             smoothed: zeros(self.finest.as_ref().map_or(0, |finest| finest.diagonal.mass.len())),
-            patch: Buffers::default(),
+            rest,
+            patches: Mutex::default(),
             levels: self.levels.iter().map(buffers).collect(),
             reduced: zeros(self.coarsest.as_ref().map_or(0, |coarsest| coarsest.values.len())),
         }
     }
 
-    /// `y`, an approximation of `(S + (c + σ) M)⁻¹ b`: one V-cycle from zero. `sigma` is positive, `right` holds `b`. Calls `visit` for each patch in
-    /// turn with `y` on the patch and its first ring.
+    /// `y`, an approximation of `(S + (c + σ) M)⁻¹ b`: one V-cycle from zero. `sigma` is positive, `right` holds `b`. Calls `visit` for each patch with
+    /// `y` on the patch and its first ring, which may be changed, and with what `targets` have for it; the answers are in the order of the patches. In
+    /// a shared workspace patches are visited by many threads at once.
     ///
     /// # Panics
-    /// Where `right` has another number of rows than the matrix.
-    pub fn cycle(
+    /// Where `right` has another number of rows than the matrix, or there is not a target for each patch.
+    pub fn cycle<T: Send, S: Send>(
         &self,
         sigma: f32,
         right: &[CycleRow],
         workspace: &mut CycleWorkspace,
-        mut visit: impl FnMut(&Patch, &[CycleRow]),
-    ) {
-        let CycleWorkspace { smoothed, patch: local, levels, reduced } = workspace;
+        targets: Vec<T>,
+        visit: impl Fn(&Patch, &mut [CycleRow], T) -> S + Sync,
+    ) -> Vec<S> {
+        let CycleWorkspace { smoothed, rest, patches, levels, reduced } = workspace;
         assert_eq!(right.len(), self.patches.last().map_or(0, |patch| patch.rows().end), "a row for each unknown");
+        assert_eq!(targets.len(), self.patches.len(), "a target for each patch");
+        let sharing = if rest.is_some() { Sharing::AllThreads } else { Sharing::OneThread };
+        let patches = &*patches;
         let Some(finest) = &self.finest else {
             levels[0].right.copy_from_slice(right);
-            self.descend(0, sigma, levels, reduced);
-            for patch in &self.patches {
-                local.gather(patch, 1, &levels[0].x);
-                visit(patch, &local.x);
-            }
-            return;
+            self.descend(0, sigma, levels, reduced, sharing);
+            let x = &levels[0].x;
+            return over_patches(sharing, &self.patches, patches, targets, |patch, local, target| {
+                local.gather(patch, 1, x);
+                visit(patch, &mut local.x, target)
+            });
         };
-        levels[0].right.fill([0.0; CYCLE_WIDTH]);
-        for patch in &self.patches {
-            finest.down(patch, sigma, right, local, smoothed, &mut levels[0].right);
+        match rest {
+            None => {
+                levels[0].right.fill([0.0; CYCLE_WIDTH]);
+                let mut local = patches.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
+                for patch in &self.patches {
+                    finest.down(patch, sigma, right, &mut local, smoothed, &mut levels[0].right);
+                }
+                patches.lock().unwrap_or_else(PoisonError::into_inner).push(local);
+            }
+            Some(rest) => {
+                let parts = by_patch(&self.patches, smoothed).into_iter().zip(by_patch(&self.patches, rest)).collect();
+                over_patches(sharing, &self.patches, patches, parts, |patch, local, (smoothed, rest)| {
+                    finest.smooth_from_zero(patch, sigma, right, local, smoothed);
+                    local.residual(patch.matrix(), rest);
+                });
+                restrict(finest.restriction(levels[0].right.len()), rest, &mut levels[0].right, sharing);
+            }
         }
-        self.descend(0, sigma, levels, reduced);
-        for patch in &self.patches {
-            finest.up(patch, sigma, right, local, smoothed, &levels[0].x);
-            visit(patch, &local.x[..patch.vertices(1).len()]);
-        }
+        self.descend(0, sigma, levels, reduced, sharing);
+        let (smoothed, coarse) = (&*smoothed, &levels[0].x);
+        over_patches(sharing, &self.patches, patches, targets, |patch, local, target| {
+            finest.up(patch, sigma, right, local, smoothed, coarse);
+            visit(patch, &mut local.x[..patch.vertices(1).len()], target)
+        })
     }
 
     /// Solves level `at` approximately, from `right` into `x`.
-    fn descend(&self, at: usize, sigma: f32, buffers: &mut [Buffers], reduced: &mut [CycleRow]) {
+    fn descend(&self, at: usize, sigma: f32, buffers: &mut [Buffers], reduced: &mut [CycleRow], sharing: Sharing) {
         let level = &self.levels[at];
         let n = level.diagonal.mass.len();
+        let sharing = sharing.of(n);
         let Some((own, rest)) = buffers.split_first_mut() else { return };
         for (row, factors) in own.factors.iter_mut().enumerate() {
             *factors = level.diagonal.factors(row, sigma);
@@ -255,27 +285,42 @@ impl Multigrid {
             match &self.coarsest {
                 Some(coarsest) => coarsest.solve(sigma, &own.right, reduced, &mut own.x),
                 None => {
-                    own.first_step(n);
-                    own.steps(&level.matrix, 1..LAST_DEGREE, |_| n);
+                    own.first_step(n, sharing);
+                    own.steps(&level.matrix, 1..LAST_DEGREE, |_| n, sharing);
                 }
             }
             return;
         };
-        own.first_step(n);
-        own.steps(&level.matrix, 1..COARSE_BEFORE, |_| n);
-        rest[0].right.fill([0.0; CYCLE_WIDTH]);
-        own.restrict_residual(&level.matrix, prolongation, 0..n, &mut rest[0].right);
-        self.descend(at + 1, sigma, rest, reduced);
-        vectorized(
-            &mut own.x,
-            #[inline(always)]
-            |x: &mut Vec<CycleRow>| {
-                for (row, x) in x.iter_mut().enumerate() {
-                    add_product(prolongation.row(row), &rest[0].x, x);
-                }
-            },
-        );
-        own.steps(&level.matrix, 0..COARSE_AFTER, |_| n);
+        own.first_step(n, sharing);
+        own.steps(&level.matrix, 1..COARSE_BEFORE, |_| n, sharing);
+        match sharing {
+            Sharing::OneThread => {
+                rest[0].right.fill([0.0; CYCLE_WIDTH]);
+                own.restrict_residual(&level.matrix, prolongation, 0..n, &mut rest[0].right);
+            }
+            Sharing::AllThreads => {
+                let Buffers { right, x, before, factors } = &mut *own;
+                let part = |(at, out): (usize, &mut [CycleRow])| {
+                    residual(&level.matrix, at * SHARED_ROWS, (right, x, factors), out);
+                };
+                before.par_chunks_mut(SHARED_ROWS).enumerate().for_each(part);
+                restrict(level.restriction(prolongation, rest[0].right.len()), before, &mut rest[0].right, sharing);
+            }
+        }
+        self.descend(at + 1, sigma, rest, reduced, sharing);
+        let coarse = &rest[0].x;
+        sharing.rows(&mut own.x, |from, x| {
+            vectorized(
+                x,
+                #[inline(always)]
+                |x| {
+                    for (row, x) in x.iter_mut().enumerate() {
+                        add_product(prolongation.row(from + row), coarse, x);
+                    }
+                },
+            );
+        });
+        own.steps(&level.matrix, 0..COARSE_AFTER, |_| n, sharing);
     }
 }
 
@@ -290,15 +335,31 @@ impl Finest {
         smoothed: &mut [CycleRow],
         coarse: &mut [CycleRow],
     ) {
+        self.smooth_from_zero(patch, sigma, right, local, &mut smoothed[patch.rows()]);
+        local.restrict_residual(patch.matrix(), &self.prolongation, patch.rows(), coarse);
+    }
+
+    /// The transposed prolongation, with as many rows as the next level, made when threads first share a panel.
+    fn restriction(&self, rows: usize) -> &SparseRows {
+        self.restriction.get_or_init(|| self.prolongation.transposed(rows))
+    }
+
+    /// Smooths from zero on a patch and its first ring; `smoothed` gets the patch.
+    fn smooth_from_zero(
+        &self,
+        patch: &Patch,
+        sigma: f32,
+        right: &[CycleRow],
+        local: &mut Buffers,
+        smoothed: &mut [CycleRow],
+    ) {
         let ends: [usize; BEFORE + 1] = std::array::from_fn(|rings| patch.vertices(rings).len());
         local.prepare(patch, BEFORE, sigma, &self.diagonal, right);
         local.x.resize(ends[BEFORE], [0.0; CYCLE_WIDTH]);
         local.before.resize(ends[BEFORE], [0.0; CYCLE_WIDTH]);
-        local.first_step(ends[BEFORE]);
-        local.steps(patch.matrix(), 1..BEFORE, |step| ends[BEFORE - step]);
-        let rows = patch.rows();
-        smoothed[rows.clone()].copy_from_slice(&local.x[..rows.len()]);
-        local.restrict_residual(patch.matrix(), &self.prolongation, rows, coarse);
+        local.first_step(ends[BEFORE], Sharing::OneThread);
+        local.steps(patch.matrix(), 1..BEFORE, |step| ends[BEFORE - step], Sharing::OneThread);
+        smoothed.copy_from_slice(&local.x[..smoothed.len()]);
     }
 
     /// Adds the coarse correction on a patch and smooths: the result, in `local.x`, holds on the patch and its first ring.
@@ -324,7 +385,7 @@ impl Finest {
                 }
             },
         );
-        local.steps(patch.matrix(), 0..AFTER, |step| ends[AFTER - step]);
+        local.steps(patch.matrix(), 0..AFTER, |step| ends[AFTER - step], Sharing::OneThread);
     }
 }
 
@@ -346,155 +407,6 @@ impl Diagonal {
         let size = self.sums[row] + sigma * self.mass[row];
         let scale = if size > 0.0 { 1.0 / size } else { 0.0 };
         Factors { scale, mass: (sigma + self.floor) * self.mass[row] }
-    }
-}
-
-impl Buffers {
-    /// Right-hand sides and factors of a patch and its first `rings` rings.
-    fn prepare(&mut self, patch: &Patch, rings: usize, sigma: f32, diagonal: &Diagonal, right: &[CycleRow]) {
-        let vertices = patch.vertices(rings);
-        self.right.clear();
-        self.right.extend_from_slice(&right[patch.rows()]);
-        self.right.extend(vertices[patch.rows().len()..].iter().map(|&vertex| right[vertex as usize]));
-        self.factors.clear();
-        self.factors.extend(vertices.iter().map(|&vertex| diagonal.factors(vertex as usize, sigma)));
-    }
-
-    /// `x` on a patch and its first `rings` rings.
-    fn gather(&mut self, patch: &Patch, rings: usize, x: &[CycleRow]) {
-        self.x.clear();
-        self.x.extend_from_slice(&x[patch.rows()]);
-        self.x.extend(patch.vertices(rings)[patch.rows().len()..].iter().map(|&vertex| x[vertex as usize]));
-    }
-
-    /// The first step of the smoother from zero, on the first `rows` rows.
-    fn first_step(&mut self, rows: usize) {
-        for ((x, b), factors) in self.x[..rows].iter_mut().zip(&self.right).zip(&self.factors) {
-            let scale = factors.scale / MIDDLE;
-            *x = b.map(|b| scale * b);
-        }
-    }
-
-    /// Steps of the Chebyshev iteration from `x`: `x ← x + β (x − before) + γ D⁻¹ (b − A x)`, one pass over the first `rows(step)` rows each. Step 0
-    /// looks at no `before`; where the iteration began with [`first_step`](Self::first_step), that was zero at step 1.
-    fn steps(&mut self, matrix: &SparseRows, range: Range<usize>, rows: impl Fn(usize) -> usize) {
-        let mut rho = HALF / MIDDLE;
-        let first = range.start;
-        for step in 0..range.end {
-            let (beta, gamma) = if step == 0 {
-                (0.0, 1.0 / MIDDLE)
-            } else {
-                let next = 1.0 / (2.0 * MIDDLE / HALF - rho);
-                let factors = (next * rho, 2.0 * next / HALF);
-                rho = next;
-                factors
-            };
-            if step < first {
-                continue;
-            }
-            let Self { right, x, before, factors } = &mut *self;
-            let fresh = step == 0 || (step == 1 && first == 1);
-            let count = rows(step);
-            let sweep = Sweep { matrix, right, factors, x, beta, gamma };
-            let out = &mut before[..count];
-            if fresh {
-                vectorized(
-                    out,
-                    #[inline(always)]
-                    |out| sweep.run::<true>(out),
-                );
-            } else {
-                vectorized(
-                    out,
-                    #[inline(always)]
-                    |out| sweep.run::<false>(out),
-                );
-            }
-            std::mem::swap(x, before);
-        }
-    }
-
-    /// Adds `Pᵀ (b − A x)` to `out`, for the rows that come first here and are `rows` of the prolongation.
-    fn restrict_residual(
-        &self,
-        matrix: &SparseRows,
-        prolongation: &SparseRows,
-        rows: Range<usize>,
-        out: &mut [CycleRow],
-    ) {
-        let Self { right, x, factors, .. } = self;
-        vectorized(
-            out,
-            #[inline(always)]
-            |out| {
-                for (row, global) in rows.clone().enumerate() {
-                    let (b, image) = (&right[row], image(matrix.row(row), factors[row].mass, &x[row], x));
-                    let residual: CycleRow = std::array::from_fn(|k| b[k] - image[k]);
-                    for &(column, value) in prolongation.row(global) {
-                        let out = &mut out[column as usize];
-                        for k in 0..CYCLE_WIDTH {
-                            out[k] = value.mul_add(residual[k], out[k]);
-                        }
-                    }
-                }
-            },
-        );
-    }
-}
-
-/// One step of the Chebyshev iteration.
-struct Sweep<'a> {
-    matrix: &'a SparseRows,
-    right: &'a [CycleRow],
-    factors: &'a [Factors],
-    x: &'a [CycleRow],
-    beta: f32,
-    gamma: f32,
-}
-
-impl Sweep<'_> {
-    /// Puts the new iterate in the place of the one before, which is not looked at if `FRESH`.
-    #[inline(always)]
-    fn run<const FRESH: bool>(&self, before: &mut [CycleRow]) {
-        let Self { matrix, right, factors, x, beta, gamma } = *self;
-        for (row, ((before, b), factors)) in before.iter_mut().zip(right).zip(factors).enumerate() {
-            let own = x[row];
-            let image = image(matrix.row(row), factors.mass, &own, x);
-            let scale = gamma * factors.scale;
-            // Whole rows, not lane by lane in place: the compiler keeps each in one register.
-            let mut new = [0.0; CYCLE_WIDTH];
-            if FRESH {
-                for k in 0..CYCLE_WIDTH {
-                    new[k] = scale.mul_add(b[k] - image[k], (1.0 + beta) * own[k]);
-                }
-            } else {
-                let old = *before;
-                for k in 0..CYCLE_WIDTH {
-                    let kept = (1.0 + beta) * own[k] - beta * old[k];
-                    new[k] = scale.mul_add(b[k] - image[k], kept);
-                }
-            }
-            *before = new;
-        }
-    }
-}
-
-/// A row of `(S + σM) x`.
-#[inline(always)]
-fn image(entries: &[(u32, f32)], mass: f32, own: &CycleRow, x: &[CycleRow]) -> CycleRow {
-    let mut sum: CycleRow = std::array::from_fn(|k| mass * own[k]);
-    add_product(entries, x, &mut sum);
-    sum
-}
-
-/// `out += (row of A) x`.
-#[inline(always)]
-fn add_product(entries: &[(u32, f32)], x: &[CycleRow], out: &mut CycleRow) {
-    for &(column, value) in entries {
-        let x = &x[column as usize];
-        for k in 0..CYCLE_WIDTH {
-            out[k] = value.mul_add(x[k], out[k]);
-        }
     }
 }
 

@@ -1,18 +1,23 @@
 use chladni_base::Unwatched;
 
 use super::*;
-use crate::{DenseMatrix, solve_definite};
+use crate::{DenseMatrix, PATCH_ROWS, compact_order, solve_definite};
 
 /// The result of a cycle on all rows; what patches see on their first ring is what their neighbours have.
 fn cycle(multigrid: &Multigrid, sigma: f32, right: &[CycleRow]) -> Vec<CycleRow> {
+    cycle_in(multigrid, &mut multigrid.workspace(), sigma, right)
+}
+
+fn cycle_in(multigrid: &Multigrid, workspace: &mut CycleWorkspace, sigma: f32, right: &[CycleRow]) -> Vec<CycleRow> {
     let mut found = vec![[f32::NAN; CYCLE_WIDTH]; right.len()];
-    let mut rings = Vec::new();
-    multigrid.cycle(sigma, right, &mut multigrid.workspace(), |patch, y| {
+    let targets = by_patch(multigrid.patches(), &mut found);
+    let rings = multigrid.cycle(sigma, right, workspace, targets, |patch, y, found| {
         assert_eq!(y.len(), patch.vertices(1).len());
-        found[patch.rows()].copy_from_slice(&y[..patch.rows().len()]);
-        rings.extend(patch.vertices(1).iter().copied().zip(y.iter().copied()));
+        found.copy_from_slice(&y[..patch.rows().len()]);
+        let ring: Vec<(u32, CycleRow)> = patch.vertices(1).iter().copied().zip(y.iter().copied()).collect();
+        ring
     });
-    for (vertex, y) in rings {
+    for (vertex, y) in rings.into_iter().flatten() {
         // To the last bit: bounds take it for one vector.
         assert_eq!(found[vertex as usize], y, "{vertex}");
     }
@@ -126,4 +131,29 @@ fn rows_without_connections_and_many_components_are_no_obstacle() {
     // Of what they damp, one smoothing step leaves at most .79, and five .054.
     let left = (found[n - 1][3] - right[n - 1][3]).abs() / right[n - 1][3].abs();
     assert!(left < 0.043, "{left}");
+}
+
+#[test]
+fn threads_that_share_a_panel_find_what_one_thread_finds() {
+    let k = 190;
+    let n = k * k;
+    let stiffness = grid(k, 3.0);
+    let order = compact_order(&stiffness, PATCH_ROWS);
+    let mass = MassMatrix::Diagonal(vec![1.0 / n as f64; n]);
+    let multigrid = Multigrid::new(&stiffness.reordered(&order), &mass, 0.0, &Unwatched).unwrap();
+    assert!(multigrid.patches().len() > 10);
+    let right = right(n);
+    let expected = cycle(&multigrid, 5.0, &right);
+    let largest = expected.as_flattened().iter().fold(0f32, |most, x| most.max(x.abs()));
+    let mut workspace = multigrid.shared_workspace();
+    let found = [1, 4].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        // Twice, so that what a cycle leaves behind is seen.
+        pool.install(|| cycle_in(&multigrid, &mut workspace, 5.0, &right));
+        pool.install(|| cycle_in(&multigrid, &mut workspace, 5.0, &right))
+    });
+    assert_eq!(found[0], found[1]);
+    for (found, expected) in found[0].as_flattened().iter().zip(expected.as_flattened()) {
+        assert!((found - expected).abs() < 1e-5 * largest, "{found} instead of {expected}");
+    }
 }

@@ -56,6 +56,38 @@ impl SparseRows {
         &self.entries[self.range(row)]
     }
 
+    /// Where rows begin, and where the last one ends.
+    pub fn offsets(&self) -> &[u32] {
+        &self.offsets
+    }
+
+    /// Columns and values of all rows.
+    pub fn entries(&self) -> &[(u32, f32)] {
+        &self.entries
+    }
+
+    /// The rows of the transposed matrix, so many.
+    ///
+    /// # Panics
+    /// Where a column is not below `count`.
+    pub fn transposed(&self, count: usize) -> Self {
+        let mut offsets = vec![0u32; count + 1];
+        for (column, _) in &self.entries {
+            offsets[*column as usize + 1] += 1;
+        }
+        (0..count).for_each(|row| offsets[row + 1] += offsets[row]);
+        let mut next = offsets.clone();
+        let mut entries = vec![(0, 0.0); self.entries.len()];
+        for row in 0..self.offsets.len().saturating_sub(1) {
+            for &(column, value) in self.row(row) {
+                let place = &mut next[column as usize];
+                entries[*place as usize] = (row as u32, value);
+                *place += 1;
+            }
+        }
+        Self { offsets, entries }
+    }
+
     #[inline(always)]
     fn range(&self, row: usize) -> Range<usize> {
         self.offsets[row] as usize..self.offsets[row + 1] as usize

@@ -10,11 +10,14 @@ pub mod notes {
     /// What solved each dense problem where a graphics card had to do with it, or why that did not.
     pub const DENSE_SOLVER: &str = "dense_solver";
 
+    /// What measured the errors of an approximation where a graphics card had to do with it, or why that did not.
+    pub const MEASURED_ON: &str = "measured_on";
+
     /// Where a faster way was given up for a surer one, and why.
     pub const FALLBACKS: &str = "fallbacks";
 
     /// Every name.
-    pub const ALL: [&str; 2] = [DENSE_SOLVER, FALLBACKS];
+    pub const ALL: [&str; 3] = [DENSE_SOLVER, MEASURED_ON, FALLBACKS];
 }
 
 /// Watches long work. Implementations are called from many threads at once and must return quickly.

@@ -27,6 +27,9 @@ const LEAST_COLUMNS: usize = 32;
 /// The same where the device is only used if it is faster.
 const LEAST_COLUMNS_OF_AUTO: usize = 256;
 
+/// Rows below which nothing is measured on a device that is only used if it is faster: the CPU is done before a card is open.
+const LEAST_ROWS_OF_AUTO: usize = 100_000;
+
 /// A graphics card, if there is one, and the CPU. The card is opened when it is first needed.
 pub struct Accelerator {
     choice: GpuChoice,
@@ -157,9 +160,18 @@ impl Accelerator {
         self.engine().filter(|engine| engine.wants_lifting(n, entries, q))
     }
 
-    /// Counts and notes that work failed on the device.
-    pub(super) fn failed(&self, engine: &Arc<Engine>, error: &GpuError, monitor: &dyn Monitor) {
-        monitor.note(DENSE_SOLVER, &format!("the CPU instead of {}: {error}", engine.name()));
+    /// The device, if it should measure `q` pairs on `n` rows, lifted by a matrix with so many entries.
+    pub(super) fn engine_for_measuring(&self, n: usize, entries: usize, q: usize) -> Option<Arc<Engine>> {
+        let least = if self.choice == GpuChoice::Auto { LEAST_ROWS_OF_AUTO } else { LEAST_SIZE };
+        if q == 0 || n < least {
+            return None;
+        }
+        self.engine().filter(|engine| engine.wants_measuring(n, entries, q))
+    }
+
+    /// Counts and notes, under a name, that work failed on the device.
+    pub(super) fn failed(&self, engine: &Arc<Engine>, error: &GpuError, name: &'static str, monitor: &dyn Monitor) {
+        monitor.note(name, &format!("the CPU instead of {}: {error}", engine.name()));
         self.fallbacks.fetch_add(1, Ordering::Relaxed);
         let mut state = self.state();
         if error.is_final() && state.engine.as_ref().is_some_and(|open| Arc::ptr_eq(open, engine)) {
@@ -200,7 +212,7 @@ impl SymmetricDefiniteSolver for Accelerator {
                 }
                 Err(GpuError::Cancelled(cancelled)) => return Err(cancelled.into()),
                 Err(error) => {
-                    self.failed(&engine, &error, monitor);
+                    self.failed(&engine, &error, DENSE_SOLVER, monitor);
                     computed_on = ComputedOn::CpuInstead { adapter, reason: error.to_string() };
                 }
             }

@@ -9,9 +9,10 @@ pub use super::device::{Adapter, adapters};
 use super::GpuChoice;
 use super::device::Device;
 use super::error::GpuError;
+use super::pair_sums::{Judge, MeasuredPairs, MeasuredPencil, PairSums};
 use super::resident::Columns;
 use super::speeds::{Precision, Speeds};
-use super::{refine, self_test, solver};
+use super::{measure, refine, self_test, solver};
 use crate::{DenseMatrix, MassMatrix, PanelMatrix, SparseMatrix};
 
 /// The largest relative residual that a result may have.
@@ -38,6 +39,9 @@ impl Engine {
         if double {
             self_test::test::<f64>(&device)?;
             self_test::measure::<f64>(&device)?;
+        }
+        if double {
+            self_test::smoothing(&device, 41, 16)?;
         }
         if auto || !double {
             self_test::test::<f32>(&device)?;
@@ -124,6 +128,25 @@ impl Engine {
     ) -> Result<PanelMatrix, GpuError> {
         let _turn = self.turn();
         Columns::lifted(&self.device, space, coefficients, monitor)?.read(&self.device)
+    }
+
+    /// Whether `q` pairs on `n` rows should be measured here, lifted by a matrix with so many entries.
+    pub(super) fn wants_measuring(&self, n: usize, entries: usize, q: usize) -> bool {
+        self.device.adapter().f64 && self.speeds.as_ref().is_none_or(|speeds| speeds.measuring_is_faster(n, entries, q))
+    }
+
+    /// Measures pairs.
+    pub(super) fn measure(
+        &self,
+        pencil: &MeasuredPencil<'_>,
+        pairs: &MeasuredPairs<'_>,
+        judge: &dyn Judge,
+        monitor: &dyn Monitor,
+    ) -> Result<PairSums, GpuError> {
+        let _turn = self.turn();
+        let measured = measure::measure(&self.device, pencil, pairs, judge, monitor);
+        self.device.trim();
+        measured
     }
 
     /// The lowest pairs of `A x = λ L Lᵀ x`.

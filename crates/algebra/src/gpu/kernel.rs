@@ -38,6 +38,43 @@ pub(super) enum KernelName {
     Combine,
     /// A sparse matrix times a dense one.
     Sparse,
+    /// A pass of a multigrid cycle over a panel.
+    Smooth,
+    /// The residuals of pairs, and their sums.
+    Residuals,
+    /// What is left of residuals, and the sums that enclose their norms.
+    Enclosure,
+    /// Where energy sits.
+    Density,
+}
+
+/// What a pass of [`KernelName::Smooth`] does, `D` the absolute row sums of `A`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Pass {
+    /// `out ← γ D⁻¹ b`.
+    Scale,
+    /// `out ← b − A x`.
+    Rest,
+    /// `out ← (1 + β) x + γ D⁻¹ (b − A x)`.
+    Fresh,
+    /// The same less `β out`.
+    Step,
+    /// `out ← out + x`.
+    Add,
+}
+
+impl Pass {
+    const ALL: [Self; 5] = [Self::Scale, Self::Rest, Self::Fresh, Self::Step, Self::Add];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Scale => "SCALE",
+            Self::Rest => "REST",
+            Self::Fresh => "FRESH",
+            Self::Step => "STEP",
+            Self::Add => "ADD",
+        }
+    }
 }
 
 impl KernelName {
@@ -53,6 +90,10 @@ impl KernelName {
             Self::Reflect => "reflect",
             Self::Combine => "combine",
             Self::Sparse => "sparse",
+            Self::Smooth => "smooth",
+            Self::Residuals => "residuals",
+            Self::Enclosure => "enclosure",
+            Self::Density => "density",
         }
     }
 
@@ -63,6 +104,10 @@ impl KernelName {
             Self::Transpose | Self::Fold => &[true, false],
             Self::Column | Self::Reflect | Self::Combine => &[true, false, false],
             Self::Sparse => &[true, true, true, true, false],
+            Self::Smooth => &[true, true, true, true, true, true, true, false],
+            Self::Residuals => &[true, true, true, true, true, true, true, true, true, false, false],
+            Self::Enclosure => &[true, true, true, true, true, true, true, true, true, true, false, false],
+            Self::Density => &[true, true, true, false],
         }
     }
 
@@ -77,6 +122,12 @@ impl KernelName {
                 .replace("{TINY}", T::TINY.1)
                 .replace("{ROW_THREADS}", &ROW_THREADS.to_string()),
             Self::Sparse => include_str!("sparse.wgsl").to_owned(),
+            Self::Smooth => Pass::ALL.iter().fold(include_str!("smooth.wgsl").to_owned(), |text, pass| {
+                text.replace(&format!("{{{}}}", pass.name()), &(*pass as u32).to_string())
+            }),
+            Self::Residuals => include_str!("residuals.wgsl").replace("{REDUCE}", include_str!("reduce.wgsl")),
+            Self::Enclosure => include_str!("enclosure.wgsl").replace("{REDUCE}", include_str!("reduce.wgsl")),
+            Self::Density => include_str!("density.wgsl").to_owned(),
         };
         text.replace("{T}", T::NAME).replace("{THREADS}", &VECTOR_THREADS.to_string())
     }

@@ -65,6 +65,17 @@ impl<T: Real> DeviceMatrix<T> {
         self.panels.iter().zip(first).map(|(buffer, first)| (first, self.panel_rows.min(self.rows - first), buffer))
     }
 
+    /// The buffer of a matrix that is not cut.
+    ///
+    /// # Errors
+    /// [`GpuError::Memory`] where it is.
+    pub(super) fn only(&self) -> Result<&Buffer<T>, GpuError> {
+        match &self.panels[..] {
+            [only] => Ok(only),
+            _ => Err(GpuError::Memory { bytes: (self.rows * self.columns * size_of::<T>()) as u64 }),
+        }
+    }
+
     /// The panel that holds a row: its first row, and its buffer.
     pub(super) fn panel_of(&self, row: usize) -> Option<(usize, &Buffer<T>)> {
         let panel = row / self.panel_rows;
@@ -135,6 +146,12 @@ pub(super) fn write_values<T: Real>(
     values: &[T],
 ) -> Result<(), GpuError> {
     write_bytes(device, buffer.raw(), at * size_of::<T>() as u64, bytemuck::cast_slice(values))
+}
+
+/// A buffer with these numbers.
+pub(super) fn upload<T: bytemuck::Pod>(device: &Device, numbers: &[T]) -> Result<Buffer<T>, GpuError> {
+    let buffer = device.buffer::<T>(numbers.len() as u64)?;
+    write_bytes(device, buffer.raw(), 0, bytemuck::cast_slice(numbers)).map(|()| buffer)
 }
 
 /// Writes bytes into a buffer, a portion at a time, so that not all of them wait in staging memory.

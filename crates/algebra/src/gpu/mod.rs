@@ -6,8 +6,11 @@
 mod accelerator;
 mod choice;
 mod error;
+mod pair_sums;
 mod products;
 
+#[cfg(feature = "gpu")]
+mod cycle;
 #[cfg(feature = "gpu")]
 mod device;
 #[cfg(feature = "gpu")]
@@ -19,6 +22,10 @@ mod faults;
 mod kernel;
 #[cfg(feature = "gpu")]
 mod matrix;
+#[cfg(feature = "gpu")]
+mod measure;
+#[cfg(feature = "gpu")]
+mod measure_check;
 #[cfg(feature = "gpu")]
 mod multiply;
 #[cfg(feature = "gpu")]
@@ -58,4 +65,5 @@ pub use accelerator::{Accelerator, accelerator, choose};
 pub use choice::GpuChoice;
 pub use engine::{Adapter, adapters};
 pub use error::GpuError;
+pub use pair_sums::{EnclosureSums, Judge, MeasuredPairs, MeasuredPencil, PairSums, ResidualSums};
 pub use products::Resident;

@@ -4,6 +4,7 @@ use chladni_base::Monitor;
 
 use super::GpuChoice;
 use super::error::GpuError;
+use super::pair_sums::{Judge, MeasuredPairs, MeasuredPencil, PairSums};
 use crate::{DenseMatrix, MassMatrix, PanelMatrix, SparseMatrix};
 
 /// What is known of an adapter.
@@ -75,6 +76,20 @@ impl Engine {
         _: &DenseMatrix,
         _: &dyn Monitor,
     ) -> Result<PanelMatrix, GpuError> {
+        match *self {}
+    }
+
+    pub(super) fn wants_measuring(&self, _: usize, _: usize, _: usize) -> bool {
+        match *self {}
+    }
+
+    pub(super) fn measure(
+        &self,
+        _: &MeasuredPencil<'_>,
+        _: &MeasuredPairs<'_>,
+        _: &dyn Judge,
+        _: &dyn Monitor,
+    ) -> Result<PairSums, GpuError> {
         match *self {}
     }
 

@@ -120,7 +120,7 @@ impl Columns {
 }
 
 /// Where rows begin, in the 32 bits that kernels count in.
-fn offsets(offsets: &[usize]) -> Result<Vec<u32>, GpuError> {
+pub(super) fn offsets(offsets: &[usize]) -> Result<Vec<u32>, GpuError> {
     let most = offsets.last().copied().unwrap_or(0);
     if u32::try_from(most).is_err() {
         return Err(GpuError::Memory { bytes: most as u64 * 8 });

@@ -4,10 +4,11 @@ use std::time::Instant;
 
 use chladni_base::Unwatched;
 
+use super::cycle::{Level, Rows};
 use super::device::{Buffer, Device};
 use super::error::GpuError;
-use super::kernel::{KernelName, VECTOR_THREADS};
-use super::matrix::{DeviceMatrix, read_values, write_values};
+use super::kernel::{KernelName, Pass, VECTOR_THREADS};
+use super::matrix::{DeviceMatrix, read_values, upload, write_values};
 use super::multiply::{Form, multiply, transpose};
 use super::numbers::Numbers;
 use super::real::Real;
@@ -15,6 +16,7 @@ use super::recorder::Recorder;
 use super::sparse::DeviceSparse;
 use super::tridiagonal::Step;
 use super::twin::{self, Place};
+use crate::multigrid::Diagonal;
 
 /// Roundings by which a kernel may differ from its twin, for each term of a sum.
 const ROUNDINGS: f64 = 8.0;
@@ -176,6 +178,40 @@ pub(super) fn sparse_product<T: Real>(device: &Device, m: usize, k: usize, n: us
     recorder.finish()?;
     twin::sparse((&starts, &columns, &entries), n, &a, &mut c, (-1.0, 1.0));
     compare(KernelName::Sparse, k, &values(device, &c_matrix)?, &c)
+}
+
+/// Every pass of a multigrid cycle over `n` rows and `width` columns.
+pub(super) fn smoothing(device: &Device, n: usize, width: usize) -> Result<(), GpuError> {
+    let mut numbers = Numbers((n * width) as u64);
+    let (mut starts, mut columns) = (vec![0u32], Vec::new());
+    for row in 0..n as u32 {
+        columns.extend((0..n as u32).filter(|column| (column * 5 + row * 11).is_multiple_of(7)));
+        starts.push(columns.len() as u32);
+    }
+    let values: Vec<f32> = numbers.take(columns.len());
+    let mut positive = || numbers.next::<f32>().abs() + 0.5;
+    let diagonal = Diagonal {
+        sums: (0..n).map(|row| if row == 3 { 0.0 } else { positive() }).collect(),
+        mass: (0..n).map(|row| if row == 3 { 0.0 } else { positive() }).collect(),
+        floor: 0.25,
+    };
+    let sigmas: Vec<f32> = (0..width).map(|_| positive()).collect();
+    let rows = Rows { starts, columns, values };
+    let [right, x, before]: [Vec<f32>; 3] = std::array::from_fn(|_| numbers.take(n * width));
+    let factors = (0.3, 1.7);
+    for pass in [Pass::Scale, Pass::Rest, Pass::Fresh, Pass::Step, Pass::Add] {
+        let mut expected = before.clone();
+        twin::smooth(pass, factors, (&rows, &diagonal, &sigmas), [&right, &x], &mut expected);
+        let own = Rows { starts: rows.starts.clone(), columns: rows.columns.clone(), values: rows.values.clone() };
+        let level = Level::new(device, own, &diagonal, width, false)?;
+        let panels =
+            [matrix(device, n, width, &right)?, matrix(device, n, width, &x)?, matrix(device, n, width, &before)?];
+        let mut recorder = Recorder::new(device, &Unwatched);
+        level.pass(&mut recorder, pass, factors, &upload(device, &sigmas)?, panels.each_ref())?;
+        recorder.finish()?;
+        compare(KernelName::Smooth, n, &self::values(device, &panels[2])?, &expected)?;
+    }
+    Ok(())
 }
 
 /// Measures how fast products are, for cutting them into dispatches and for choosing the faster side.

@@ -3,7 +3,7 @@
 use super::device::{Buffer, Device};
 use super::error::GpuError;
 use super::kernel::{KernelName, VECTOR_THREADS};
-use super::matrix::{DeviceMatrix, write_bytes, write_values};
+use super::matrix::{DeviceMatrix, upload};
 use super::real::Real;
 use super::recorder::{PORTION_SECONDS, Recorder};
 
@@ -130,12 +130,6 @@ impl<T: Real> DeviceSparse<T> {
 
 impl<T: Real> Panel<T> {
     fn new(device: &Device, starts: &[u32], places: &[u32], values: &[T]) -> Result<Self, GpuError> {
-        let upload = |numbers: &[u32]| {
-            let buffer = device.buffer::<u32>(numbers.len() as u64)?;
-            write_bytes(device, buffer.raw(), 0, bytemuck::cast_slice(numbers)).map(|()| buffer)
-        };
-        let values_buffer = device.buffer(values.len() as u64)?;
-        write_values(device, &values_buffer, 0, values)?;
-        Ok(Self { starts: upload(starts)?, columns: upload(places)?, values: values_buffer })
+        Ok(Self { starts: upload(device, starts)?, columns: upload(device, places)?, values: upload(device, values)? })
     }
 }

@@ -1,8 +1,11 @@
 //! What each kernel computes, on the CPU: plain loops in the same precision, for the self-test and the tests.
 
+use super::cycle::Rows;
+use super::kernel::Pass;
 use super::multiply::Form;
 use super::real::Real;
 use super::tridiagonal::Step;
+use crate::multigrid::Diagonal;
 
 /// A part of a row-major matrix in a slice: where it begins, and how far its rows are apart.
 #[derive(Debug, Clone, Copy)]
@@ -63,6 +66,36 @@ pub(super) fn sparse<T: Real>(
             let place = row * n + column;
             sum = T::of(alpha) * sum;
             c[place] = if beta == 0.0 { sum } else { sum + T::of(beta) * c[place] };
+        }
+    }
+}
+
+/// What [`Pass`] says of panels as wide as there are shifts.
+pub(super) fn smooth(
+    pass: Pass,
+    (beta, gamma): (f32, f32),
+    (rows, diagonal, sigmas): (&Rows, &Diagonal, &[f32]),
+    [right, x]: [&[f32]; 2],
+    out: &mut [f32],
+) {
+    let width = sigmas.len();
+    for row in 0..rows.starts.len() - 1 {
+        for (column, sigma) in sigmas.iter().enumerate() {
+            let place = row * width + column;
+            let size = diagonal.sums[row] + sigma * diagonal.mass[row];
+            let scale = if size > 0.0 { gamma / size } else { 0.0 };
+            let mut image = (sigma + diagonal.floor) * diagonal.mass[row] * x[place];
+            for k in rows.starts[row] as usize..rows.starts[row + 1] as usize {
+                image += rows.values[k] * x[rows.columns[k] as usize * width + column];
+            }
+            let rest = right[place] - image;
+            out[place] = match pass {
+                Pass::Scale => scale * right[place],
+                Pass::Rest => rest,
+                Pass::Fresh => scale * rest + (1.0 + beta) * x[place],
+                Pass::Step => scale * rest + (1.0 + beta) * x[place] - beta * out[place],
+                Pass::Add => out[place] + x[place],
+            };
         }
     }
 }

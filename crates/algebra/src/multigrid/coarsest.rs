@@ -7,9 +7,9 @@ use crate::{CpuSolver, DenseMatrix, EigenError, SparseMatrix, SymmetricDefiniteS
 
 /// `S = Wᵀ Λ W`, `M = WᵀW`: `values` are Λ, `vectors` the columns of `W⁻¹`, row after row.
 #[derive(Debug)]
-pub(super) struct Coarsest {
-    pub(super) values: Vec<f32>,
-    vectors: Vec<f32>,
+pub(crate) struct Coarsest {
+    pub(crate) values: Vec<f32>,
+    pub(crate) vectors: Vec<f32>,
 }
 
 impl Coarsest {

@@ -1,9 +1,11 @@
+use chladni_algebra::gpu::{Accelerator, GpuChoice};
 use chladni_algebra::{CpuSolver, SymmetricDefiniteSolver, compact_order, solve_definite};
 use chladni_base::Unwatched;
 use chladni_mesh::TriangleMesh;
 
 use super::*;
 use crate::operator::{MassKind, laplace};
+use crate::spectrum::energy::KernelAndGoal;
 
 /// A bumpy torus of `k × 2k` vertices.
 fn torus(k: u32) -> TriangleMesh {
@@ -136,6 +138,58 @@ fn residuals_are_those_of_the_definition_and_their_norms_are_enclosed() {
             assert!(below > 0.7 * exact && above < 3.0 * exact, "{kind:?} {k}: {below} {exact} {above}");
         }
         assert!(certificate.orthonormality_defect < 1e-10);
+    }
+}
+
+/// The software device that tests run on; `None` where there is none and none is required.
+fn accelerator() -> Option<Accelerator> {
+    let wanted = std::env::var("CHLADNI_TEST_GPU").unwrap_or_default();
+    let name = if matches!(wanted.as_str(), "" | "required") { "llvmpipe" } else { &wanted };
+    let accelerator = Accelerator::new(GpuChoice::Name(name.into()));
+    accelerator.open();
+    match accelerator.reason() {
+        None => Some(accelerator),
+        Some(reason) if wanted.is_empty() => {
+            println!("skipped: {reason}");
+            None
+        }
+        Some(reason) => panic!("{reason}"),
+    }
+}
+
+#[test]
+fn a_graphics_card_measures_what_the_cpu_measures() {
+    let Some(accelerator) = accelerator() else { return };
+    for (kind, floor) in [(MassKind::Barycentric, 0.0), (MassKind::Consistent, -3.0)] {
+        let case = case(20, 60, 41, kind);
+        let energy = Energy::new(&case.problem, floor, &Unwatched).unwrap();
+        let (expected, density) =
+            energy.measure(&case.space, &case.coefficients, &case.ritz, KERNEL, Some(1e-3), &Unwatched).unwrap();
+        let limits = KernelAndGoal { kernel: KERNEL, goal: Some(1e-3) };
+        let space = energy.in_order(&case.space);
+        let (found, found_density) = energy
+            .measure_on_device(&accelerator, &space, &case.coefficients, &case.ritz, limits, &Unwatched)
+            .unwrap()
+            .unwrap();
+        assert_eq!((found.len(), accelerator.fallbacks()), (41, 0));
+        for (k, (found, expected)) in found.iter().zip(&expected).enumerate() {
+            assert_eq!(found.sigma, expected.sigma);
+            let near = |a: f64, b: f64, tolerance: f64| (a - b).abs() <= tolerance * b.abs() + 1e-12;
+            let same = near(found.residual, expected.residual, 1e-9)
+                && near(found.dual, expected.dual, 1e-9)
+                && near(found.stiffness, expected.stiffness, 1e-9)
+                && near(found.mass, expected.mass, 1e-12)
+                && near(found.energy, expected.energy, 1e-12)
+                && near(found.lowest, expected.lowest, 1e-12)
+                && near(found.highest, expected.highest, 1e-12);
+            assert!(same, "{kind:?} {k}: {found:?} instead of {expected:?}");
+            // Cycles are in single precision, and a panel of the device takes more of them if one of its columns asks for it.
+            assert!(found.below > (1.0 - 1e-3) * expected.below, "{kind:?} {k}: {found:?} instead of {expected:?}");
+            assert!(found.above < (1.0 + 1e-3) * expected.above, "{kind:?} {k}: {found:?} instead of {expected:?}");
+        }
+        let total = |density: &Option<Vec<f64>>| density.as_ref().unwrap().iter().sum::<f64>();
+        let (found, expected) = (total(&found_density), total(&density));
+        assert!((found / expected - 1.0).abs() < 0.05, "{found} instead of {expected}");
     }
 }
 

@@ -20,6 +20,7 @@
 mod corrections;
 mod direct;
 mod measure;
+mod on_device;
 mod rows;
 
 use rayon::prelude::*;
@@ -29,12 +30,13 @@ use std::sync::{Mutex, PoisonError};
 pub(super) use corrections::Corrections;
 pub use direct::{FACTOR_BYTES, MOST_FACTORED};
 pub use measure::Measure;
-use rows::{Enclosure, Residuals, rounding_weights};
+use rows::{Enclosure, PairResidual, Residuals, rounding_weights};
 
 use crate::operator::EigenProblem;
+use chladni_algebra::gpu::{self, EnclosureSums, ResidualSums};
 use chladni_algebra::{
     CYCLE_WIDTH, CycleRow, CycleWorkspace, DenseMatrix, LIFT_WIDTH, MassMatrix, Multigrid, MultigridError, PATCH_ROWS,
-    RowLifter, SparseMatrix, compact_order,
+    Patch, RowLifter, SparseMatrix, by_patch, compact_order,
 };
 use chladni_base::{Cancelled, Monitor};
 
@@ -60,11 +62,11 @@ const SINGLE: f64 = 1.0 / 16_777_216.0;
 
 /// What is asked of a measurement.
 #[derive(Clone, Copy)]
-struct KernelAndGoal {
+pub(super) struct KernelAndGoal {
     /// Values up to this count as zero.
-    kernel: f64,
+    pub(super) kernel: f64,
     /// The largest relative error that is good enough.
-    goal: Option<f64>,
+    pub(super) goal: Option<f64>,
 }
 
 /// Where the energy that the pairs miss sits: one number a row, or nothing where no pair misses enough.
@@ -126,34 +128,40 @@ impl<'a> Energy<'a> {
         let space = self.in_order(space);
         let lifter = RowLifter::new(&space, coefficients);
         let limits = KernelAndGoal { kernel, goal };
+        if let Some((mut measures, density)) =
+            self.measure_on_device(&gpu::accelerator(), &space, coefficients, ritz, limits, monitor)?
+        {
+            self.narrow(&lifter, ritz, &mut measures, limits, monitor)?;
+            return Ok((measures, density));
+        }
         let panels = ritz.len().div_ceil(LIFT_WIDTH);
         let done = AtomicUsize::new(0);
-        // A thread takes a workspace that another panel left: fresh memory costs as much as a cycle.
-        let idle: Mutex<Vec<Workspace>> = Mutex::new(Vec::new());
-        let parts: Vec<(Vec<Measure>, Density)> = (0..panels)
-            .into_par_iter()
-            .map(|panel| {
+        // Where panels come one after the other, one density is enough.
+        let shared: Mutex<Density> = Mutex::new(None);
+        let parts: Vec<(Vec<Measure>, Density)> = over_panels(self, panels, |panel, workspace| {
+            monitor.checkpoint()?;
+            let theta = &ritz[panel * LIFT_WIDTH..ritz.len().min((panel + 1) * LIFT_WIDTH)];
+            let residuals = self.residuals(&lifter, panel, theta, workspace);
+            let mut measures = Vec::with_capacity(LIFT_WIDTH);
+            let mut density = None;
+            if workspace.shared {
+                density = shared.lock().unwrap_or_else(PoisonError::into_inner).take();
+            }
+            for (half, theta) in theta.chunks(CYCLE_WIDTH).enumerate() {
                 monitor.checkpoint()?;
-                let left = idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
-                let mut own = left.unwrap_or_else(|| Workspace::new(n, &self.hierarchy));
-                let workspace = &mut own;
-                let theta = &ritz[panel * LIFT_WIDTH..ritz.len().min((panel + 1) * LIFT_WIDTH)];
-                let residuals = self.residuals(&lifter, panel, theta, workspace);
-                let mut measures = Vec::with_capacity(LIFT_WIDTH);
-                let mut density = None;
-                for (half, theta) in theta.chunks(CYCLE_WIDTH).enumerate() {
-                    monitor.checkpoint()?;
-                    measures.extend(self.half(workspace, half, theta, &residuals[half], limits, &mut density));
-                }
-                let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-                monitor.progress(done as f64 / panels as f64);
-                idle.lock().unwrap_or_else(PoisonError::into_inner).push(own);
-                Ok((measures, density))
-            })
-            .collect::<Result<_, Cancelled>>()?;
+                measures.extend(self.half(workspace, half, theta, &residuals[half], limits, &mut density));
+            }
+            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+            monitor.progress(done as f64 / panels as f64);
+            if workspace.shared {
+                *shared.lock().unwrap_or_else(PoisonError::into_inner) = density.take();
+            }
+            Ok((measures, density))
+        })?;
         let mut measures = Vec::with_capacity(ritz.len());
         let mut density: Density = None;
-        for (part, own) in parts {
+        let shared = (Vec::new(), shared.into_inner().unwrap_or_else(PoisonError::into_inner));
+        for (part, own) in parts.into_iter().chain([shared]) {
             measures.extend(part);
             if let Some(own) = own {
                 let sum = density.get_or_insert_with(|| vec![0.0; n]);
@@ -189,9 +197,7 @@ impl<'a> Energy<'a> {
         limits: KernelAndGoal,
         density: &mut Density,
     ) -> Vec<Measure> {
-        let KernelAndGoal { kernel, goal } = limits;
-        let positive = ritz.iter().map(|theta| theta + self.floor).find(|&theta| theta > kernel);
-        let sigma = SHIFT * positive.unwrap_or(1.0);
+        let sigma = self.sigma(ritz, limits);
         let mut enclosed = self.step(workspace, half, sigma, Step { first: true, keep: workspace.keep });
         let mut kept = workspace.keep;
         let keep = |workspace: &mut Workspace, kept: &mut bool| {
@@ -202,10 +208,7 @@ impl<'a> Energy<'a> {
         };
         let mut steps = 1;
         let close = |enclosed: &Enclosure| {
-            (0..ritz.len()).all(|k| {
-                enclosed.excess[k] <= SLACK * sigma * enclosed.below[k]
-                    || self.conclude(residuals, enclosed, k, ritz[k], sigma).bound <= CLOSE * (ritz[k] + self.floor)
-            })
+            (0..ritz.len()).all(|k| self.is_close(&residuals.pairs[k], &enclosed.of(k), ritz[k], sigma))
         };
         while steps < MOST_STEPS && !close(&enclosed) {
             keep(workspace, &mut kept);
@@ -214,42 +217,58 @@ impl<'a> Energy<'a> {
         }
         // The next panel has much the same needs.
         workspace.keep = steps > 1;
-        let conclude = |k: usize| self.conclude(residuals, &enclosed, k, ritz[k], sigma);
+        let conclude = |k: usize| self.conclude(&residuals.pairs[k], &enclosed.of(k), ritz[k], sigma);
         let measures: Vec<Measure> = (0..ritz.len()).map(conclude).collect();
-        let Some(goal) = goal else { return measures };
         let mut weights = [0.0; CYCLE_WIDTH];
         for ((weight, measure), theta) in weights.iter_mut().zip(&measures).zip(ritz) {
-            let value = theta + self.floor;
-            if value > kernel && measure.estimate > goal * value {
-                *weight = 1.0 / value;
-            }
+            *weight = self.weight(measure, *theta, limits);
         }
         if weights.iter().any(|&w| w > 0.0) {
             keep(workspace, &mut kept);
             let density = density.get_or_insert_with(|| vec![0.0; self.order.len()]);
-            for ((sum, y), r) in density.iter_mut().zip(&workspace.y).zip(&workspace.right[half]) {
+            let rows = density.par_iter_mut().zip(&workspace.y).zip(&workspace.right[half]);
+            rows.with_min_len(PATCH_ROWS).for_each(|((sum, y), r)| {
                 let share: f64 = (0..CYCLE_WIDTH).map(|k| weights[k] * f64::from(y[k]) * f64::from(r[k])).sum();
                 *sum += share;
-            }
+            });
         }
         measures
     }
 
-    /// What the enclosure says of pair `k` of a half.
-    fn conclude(&self, residuals: &Residuals, enclosed: &Enclosure, k: usize, ritz: f64, sigma: f64) -> Measure {
-        let Residuals { sums, rounding, .. } = residuals;
-        let below = enclosed.below[k].max(0.0);
+    /// σ for some pairs.
+    fn sigma(&self, ritz: &[f64], limits: KernelAndGoal) -> f64 {
+        let positive = ritz.iter().map(|theta| theta + self.floor).find(|&theta| theta > limits.kernel);
+        SHIFT * positive.unwrap_or(1.0)
+    }
+
+    /// Whether a pair needs no other cycle.
+    fn is_close(&self, residual: &PairResidual, enclosed: &EnclosureSums, ritz: f64, sigma: f64) -> bool {
+        enclosed.excess <= SLACK * sigma * enclosed.below
+            || self.conclude(residual, enclosed, ritz, sigma).bound <= CLOSE * (ritz + self.floor)
+    }
+
+    /// The weight of a pair in the density: nothing where it misses little.
+    fn weight(&self, measure: &Measure, ritz: f64, limits: KernelAndGoal) -> f64 {
+        let value = ritz + self.floor;
+        let misses = limits.goal.is_some_and(|goal| value > limits.kernel && measure.estimate > goal * value);
+        if misses { 1.0 / value } else { 0.0 }
+    }
+
+    /// What the enclosure says of a pair.
+    fn conclude(&self, residual: &PairResidual, enclosed: &EnclosureSums, ritz: f64, sigma: f64) -> Measure {
+        let PairResidual { sums, rounding } = *residual;
+        let below = enclosed.below.max(0.0);
         let factor = self.mass.lumped_ratio().sqrt();
-        let mass_of_y = enclosed.mass[k].max(0.0).sqrt();
-        let of_y = enclosed.rounding[k].sqrt() + MASS_ROUNDING * (sigma + self.floor) * mass_of_y;
-        let excess = factor * ((1.0 + MASS_ROUNDING) * enclosed.excess[k].sqrt() + of_y) / sigma.sqrt();
+        let mass_of_y = enclosed.mass.max(0.0).sqrt();
+        let of_y = enclosed.rounding.sqrt() + MASS_ROUNDING * (sigma + self.floor) * mass_of_y;
+        let excess = factor * ((1.0 + MASS_ROUNDING) * enclosed.excess.sqrt() + of_y) / sigma.sqrt();
         // Sums in double precision, and what the rounding errors of `Ay` do to `yᵀAy`.
-        let summed = 1e-12 * enclosed.size[k] + factor * mass_of_y * of_y;
+        let summed = 1e-12 * enclosed.size + factor * mass_of_y * of_y;
         // By the triangle inequality: what was measured is `r` as it is stored.
-        let stored = factor * rounding[k] / sigma.sqrt();
+        let stored = factor * rounding / sigma.sqrt();
         let above = (below + summed + excess * excess).sqrt() + stored;
-        let above_dual = factor * (sums[k].dual.sqrt() + rounding[k]);
-        let mut measure = Measure { sigma, below: below.sqrt(), above, above_dual, ..sums[k] };
+        let above_dual = factor * (sums.dual.sqrt() + rounding);
+        let mut measure = Measure { sigma, below: below.sqrt(), above, above_dual, ..sums };
         measure.bound = measure.distance(ritz, self.floor);
         measure.estimate = measure.error(ritz + self.floor, mass_of_y * mass_of_y).min(measure.bound);
         measure
@@ -266,76 +285,76 @@ impl<'a> Energy<'a> {
     ) -> [Residuals; HALVES] {
         let mut theta = [0.0; LIFT_WIDTH];
         theta[..ritz.len()].copy_from_slice(ritz);
-        let Workspace { x, right, .. } = workspace;
-        let mut totals = [[[0.0; CYCLE_WIDTH]; 7]; HALVES];
-        let mut found: [Residuals; HALVES] = Default::default();
-        for patch in self.hierarchy.patches() {
+        let patches = self.hierarchy.patches();
+        let idle: Mutex<&mut Vec<Vec<_>>> = Mutex::new(&mut workspace.lifted);
+        let [first, second] = &mut workspace.right;
+        let rights: Vec<_> = by_patch(patches, first).into_iter().zip(by_patch(patches, second)).collect();
+        let one = |(patch, (first, second)): (&Patch, (&mut [CycleRow], &mut [CycleRow]))| {
+            let left = idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
+            let mut x: Vec<[f64; LIFT_WIDTH]> = left.unwrap_or_default();
             let vertices = patch.vertices(1);
             x.resize(vertices.len(), [0.0; LIFT_WIDTH]);
-            lifter.lift(vertices, panel, x);
-            for half in 0..ritz.len().div_ceil(CYCLE_WIDTH) {
+            lifter.lift(vertices, panel, &mut x);
+            let mut totals: Totals = Default::default();
+            for (half, right) in [first, second].into_iter().enumerate().take(ritz.len().div_ceil(CYCLE_WIDTH)) {
                 let theta: [f64; CYCLE_WIDTH] = std::array::from_fn(|k| theta[half * CYCLE_WIDTH + k]);
-                let (totals, right) = (&mut totals[half], &mut right[half][patch.rows()]);
-                self.patch_residuals(patch, x, half, &theta, totals, &mut found[half], right);
+                self.patch_residuals(patch, &x, half, &theta, &mut totals[half], right);
             }
-        }
-        for (half, (found, totals)) in found.iter_mut().zip(&totals).enumerate() {
-            for k in 0..CYCLE_WIDTH {
-                found.sums[k] = Measure {
-                    residual: totals[0][k],
-                    dual: totals[1][k],
-                    stiffness: totals[2][k],
-                    square: totals[3][k],
-                    mass: totals[4][k],
-                    energy: totals[5][k],
-                    lowest: found.lowest[k],
-                    highest: found.highest[k],
-                    ..Measure::default()
-                };
-                found.rounding[k] = totals[6][k].sqrt()
-                    + MASS_ROUNDING * theta[half * CYCLE_WIDTH + k].abs() * totals[4][k].sqrt()
-                    + SINGLE * totals[1][k].sqrt();
-            }
-        }
-        found
+            idle.lock().unwrap_or_else(PoisonError::into_inner).push(x);
+            totals
+        };
+        let parts: Vec<Totals> = match workspace.shared {
+            true => patches.par_iter().zip(rights).map(one).collect(),
+            false => patches.iter().zip(rights).map(one).collect(),
+        };
+        let totals = parts.iter().fold(Totals::default(), |mut totals, part| {
+            totals.iter_mut().zip(part).for_each(|(totals, part)| rows::add_totals(totals, part));
+            totals
+        });
+        std::array::from_fn(|half| Residuals {
+            pairs: std::array::from_fn(|k| {
+                let [residual, dual, stiffness, square, mass, energy, rounding, lowest, highest] =
+                    totals[half].map(|sums| sums[k]);
+                let sums = ResidualSums { residual, dual, stiffness, square, mass, energy, rounding, lowest, highest };
+                PairResidual::new(&sums, theta[half * CYCLE_WIDTH + k])
+            }),
+        })
     }
 
     /// A cycle from zero, or one that improves the `y` that was kept, and the terms of the enclosure for the `y` found. Keeps `y` and `r − Ay`
     /// if asked to.
     fn step(&self, workspace: &mut Workspace, half: usize, sigma: f64, step: Step) -> Enclosure {
-        let Workspace { right, y, rest, next_y, next_rest, total, cycle, .. } = workspace;
+        let Workspace { right, y, rest, next_y, next_rest, cycle, .. } = workspace;
         let right = &right[half];
-        let mut found = Enclosure::default();
         if step.keep {
             next_y.resize(right.len(), [0.0; CYCLE_WIDTH]);
             next_rest.resize(right.len(), [0.0; CYCLE_WIDTH]);
         }
         let source: &[CycleRow] = if step.first { right } else { rest };
-        self.hierarchy.cycle(sigma as f32, source, cycle, |patch, correction| {
-            let rows = patch.rows();
-            let improved = if step.first {
-                correction
-            } else {
-                total.clear();
-                total.extend(correction.iter().zip(patch.vertices(1)).map(|(correction, &vertex)| {
-                    let y = &y[vertex as usize];
-                    std::array::from_fn(|k| y[k] + correction[k])
-                }));
-                &*total
-            };
-            let kept = if step.keep {
-                next_y[rows.clone()].copy_from_slice(&improved[..rows.len()]);
-                &mut next_rest[rows]
-            } else {
-                &mut []
-            };
-            self.enclose(patch, improved, &right[patch.rows()], sigma, &mut found, kept);
+        let patches = self.hierarchy.patches();
+        let kept: Vec<(&mut [CycleRow], &mut [CycleRow])> = match step.keep {
+            true => by_patch(patches, next_y).into_iter().zip(by_patch(patches, next_rest)).collect(),
+            false => patches.iter().map(|_| (&mut [][..], &mut [][..])).collect(),
+        };
+        let parts = self.hierarchy.cycle(sigma as f32, source, cycle, kept, |patch, improved, (kept, rest)| {
+            if !step.first {
+                for (correction, &vertex) in improved.iter_mut().zip(patch.vertices(1)) {
+                    correction.iter_mut().zip(&y[vertex as usize]).for_each(|(correction, y)| *correction += y);
+                }
+            }
+            kept.copy_from_slice(&improved[..kept.len()]);
+            let mut found = Enclosure::default();
+            self.enclose(patch, improved, &right[patch.rows()], sigma, &mut found, rest);
+            found
         });
         if step.keep {
             std::mem::swap(y, next_y);
             std::mem::swap(rest, next_rest);
         }
-        found
+        parts.iter().fold(Enclosure::default(), |mut found, part| {
+            found.add(part);
+            found
+        })
     }
 }
 
@@ -346,10 +365,19 @@ struct Step {
     keep: bool,
 }
 
-/// What one thread needs for a panel.
+/// Nine sums of sixteen pairs, for each half of a panel.
+type Totals = [[[f64; CYCLE_WIDTH]; 9]; HALVES];
+
+/// From so many unknowns on, all threads work on a panel together: a panel for each thread takes 720 bytes a row and thread, and threads idle where there
+/// are fewer panels. A factor, which is for fewer unknowns, has its panels of solutions on each thread.
+pub const SHARED_FROM: usize = MOST_FACTORED + 1;
+
+/// What is needed for a panel.
 struct Workspace {
-    /// The panel on a patch and its first ring.
-    x: Vec<[f64; LIFT_WIDTH]>,
+    /// Whether all threads work on it together.
+    shared: bool,
+    /// The panel on a patch and its first ring, one for each thread.
+    lifted: Vec<Vec<[f64; LIFT_WIDTH]>>,
     right: [Vec<CycleRow>; HALVES],
     /// Whether the first cycle keeps what a second one begins with.
     keep: bool,
@@ -357,23 +385,44 @@ struct Workspace {
     rest: Vec<CycleRow>,
     next_y: Vec<CycleRow>,
     next_rest: Vec<CycleRow>,
-    /// `y` on a patch and its first ring.
-    total: Vec<CycleRow>,
     cycle: CycleWorkspace,
 }
 
 impl Workspace {
     fn new(n: usize, hierarchy: &Multigrid) -> Self {
+        let shared = n >= SHARED_FROM;
         Self {
-            x: Vec::new(),
+            shared,
+            lifted: Vec::new(),
             right: std::array::from_fn(|_| vec![[0.0; CYCLE_WIDTH]; n]),
             keep: false,
             y: Vec::new(),
             rest: Vec::new(),
             next_y: Vec::new(),
             next_rest: Vec::new(),
-            total: Vec::new(),
-            cycle: hierarchy.workspace(),
+            cycle: if shared { hierarchy.shared_workspace() } else { hierarchy.workspace() },
         }
+    }
+}
+
+/// Calls `work` for each panel of so many, with memory for it: one after the other where threads share each, at once where each has its own.
+fn over_panels<T: Send>(
+    energy: &Energy<'_>,
+    panels: usize,
+    work: impl Fn(usize, &mut Workspace) -> Result<T, Cancelled> + Sync,
+) -> Result<Vec<T>, Cancelled> {
+    // A thread takes a workspace that another panel left: fresh memory costs as much as a cycle.
+    let idle: Mutex<Vec<Workspace>> = Mutex::new(Vec::new());
+    let one = |panel: usize| {
+        let left = idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let mut workspace = left.unwrap_or_else(|| Workspace::new(energy.size(), &energy.hierarchy));
+        let answer = work(panel, &mut workspace)?;
+        idle.lock().unwrap_or_else(PoisonError::into_inner).push(workspace);
+        Ok(answer)
+    };
+    if energy.size() >= SHARED_FROM {
+        (0..panels).map(one).collect()
+    } else {
+        (0..panels).into_par_iter().map(one).collect()
     }
 }

@@ -25,5 +25,5 @@ pub use approximate::{
     approximate, dimension_for, most_columns, most_initial_columns, subspace,
 };
 pub use domain::Domain;
-pub use energy::{FACTOR_BYTES, MOST_FACTORED};
+pub use energy::{FACTOR_BYTES, MOST_FACTORED, SHARED_FROM};
 pub use refine::{Refinement, approximate_refined};

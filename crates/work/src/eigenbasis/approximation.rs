@@ -9,8 +9,8 @@ use chladni_spectral::spectrum::heat::HeatParameters;
 use chladni_spectral::spectrum::radial::RadialParameters;
 use chladni_spectral::spectrum::{
     ApproximationError, ApproximationParameters, Domain, FACTOR_BYTES, FEW_VERTICES, Goal, MOST_COUNTED_IN_SOLID,
-    MOST_FACTORED, MOST_ROUNDS, Refinement, Space, approximate, approximate_refined, dimension_for, most_columns,
-    most_initial_columns,
+    MOST_FACTORED, MOST_ROUNDS, Refinement, SHARED_FROM, Space, approximate, approximate_refined, dimension_for,
+    most_columns, most_initial_columns,
 };
 use serde::{Deserialize, Serialize};
 
@@ -176,9 +176,9 @@ impl Approximate {
 
     /// The same in a solid: rows have so many more entries, and a factor fills in further.
     pub fn memory_bytes_in_solid(&self, vertices: u64) -> u64 {
-        let panels = (self.count as u64 / 32 + 1).min(rayon::current_num_threads() as u64);
+        let panels = panels_at_once(vertices, self.count as u64);
         // Two spaces of 130 entries a row where surfaces have 25 or 50, one of them with its panels; a pencil on unit volume; a hierarchy of twice the entries a row.
-        let wider = vertices * (3 * 130 * 8 + 15 * 20 + 260 + 720 * panels);
+        let wider = vertices * (3 * 130 * 8 + 15 * 20 + 260 + 800 * panels);
         let factor = if self.certify || matches!(self.refinement, Some((Refinement::InverseIteration, _))) {
             factor_bytes_in_solid(vertices)
         } else {
@@ -206,9 +206,9 @@ impl Approximate {
             _ => 25,
         };
         let compact = products + vertices * entries * 2 * 8 + vertices * 22 * 8 + d * d * 8 * 5 + d * m * 8 * 2;
-        // Bounds: the pencil once more and its hierarchy, and on each thread a panel of 32 pairs with what a cycle needs.
-        let panels = (m / 32 + 1).min(rayon::current_num_threads() as u64);
-        let compact = compact + vertices * (260 + 720 * panels);
+        // Bounds: the pencil once more and its hierarchy, and panels of 32 pairs with what a cycle needs.
+        let panels = panels_at_once(vertices, m);
+        let compact = compact + vertices * (260 + 800 * panels);
         // Where a bound is wide on a problem of moderate size, a factor, and a panel of solutions on each thread.
         let factored =
             if vertices <= MOST_FACTORED as u64 { vertices * (FACTOR_BYTES + 2 * 7 * 16 + 512 * panels) } else { 0 };
@@ -225,6 +225,11 @@ impl Approximate {
             Some((Refinement::Chebyshev { .. }, _)) => compact + 2 * columns,
         }
     }
+}
+
+/// Panels of 32 of so many pairs that are measured at once: one on each thread, or one that all threads share.
+fn panels_at_once(vertices: u64, count: u64) -> u64 {
+    if vertices >= SHARED_FROM as u64 { 1 } else { (count / 32 + 1).min(rayon::current_num_threads() as u64) }
 }
 
 /// What a factor takes in a solid: 40 n^(4/3) entries of ten bytes each.

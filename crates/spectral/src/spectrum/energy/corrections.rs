@@ -9,11 +9,10 @@
 
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
 
 use super::direct::Solver;
-use super::rows::{Enclosure, Residuals};
-use super::{Energy, HALVES, MASS_ROUNDING, MOST_STEPS, SINGLE, Step, Workspace};
+use super::rows::{Enclosure, PairResidual, Residuals};
+use super::{Energy, HALVES, MASS_ROUNDING, MOST_STEPS, SINGLE, Step, Workspace, over_panels};
 use chladni_algebra::{
     CYCLE_WIDTH, CycleRow, DenseMatrix, LIFT_WIDTH, RowLifter, SparseMatrix, symmetric_product, weighted_gram,
 };
@@ -90,35 +89,27 @@ impl Energy<'_> {
         let lifter = RowLifter::new(space, coefficients);
         let panels = ritz.len().div_ceil(LIFT_WIDTH);
         let done = AtomicUsize::new(0);
-        let idle: Mutex<Vec<Workspace>> = Mutex::new(Vec::new());
-        let halves: Vec<Vec<Half>> = (0..panels)
-            .into_par_iter()
-            .map(|panel| {
-                let left = idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
-                let mut workspace = left.unwrap_or_else(|| Workspace::new(self.size(), &self.hierarchy));
-                let theta = &ritz[panel * LIFT_WIDTH..ritz.len().min((panel + 1) * LIFT_WIDTH)];
-                let residuals = self.residuals(&lifter, panel, theta, &mut workspace);
-                let halves = match corrections {
-                    Corrections::Cycles(sigma) => {
-                        let mut halves = Vec::with_capacity(2);
-                        for (half, theta) in theta.chunks(CYCLE_WIDTH).enumerate() {
-                            monitor.checkpoint()?;
-                            halves.push(self.corrected(&mut workspace, half, theta.len(), &residuals[half], sigma));
-                        }
-                        halves
-                    }
-                    Corrections::Factor(solver) => {
+        let halves: Vec<Vec<Half>> = over_panels(self, panels, |panel, workspace| {
+            let theta = &ritz[panel * LIFT_WIDTH..ritz.len().min((panel + 1) * LIFT_WIDTH)];
+            let residuals = self.residuals(&lifter, panel, theta, workspace);
+            let halves = match corrections {
+                Corrections::Cycles(sigma) => {
+                    let mut halves = Vec::with_capacity(2);
+                    for (half, theta) in theta.chunks(CYCLE_WIDTH).enumerate() {
                         monitor.checkpoint()?;
-                        self.solved_for(&workspace, theta.len(), &residuals, solver)
+                        halves.push(self.corrected(workspace, half, theta.len(), &residuals[half], sigma));
                     }
-                };
-                let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-                monitor.progress(0.6 * done as f64 / panels as f64);
-                idle.lock().unwrap_or_else(PoisonError::into_inner).push(workspace);
-                Ok(halves)
-            })
-            .collect::<Result<_, Cancelled>>()?;
-        drop(idle);
+                    halves
+                }
+                Corrections::Factor(solver) => {
+                    monitor.checkpoint()?;
+                    self.solved_for(workspace, theta.len(), &residuals, solver)
+                }
+            };
+            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+            monitor.progress(0.6 * done as f64 / panels as f64);
+            Ok(halves)
+        })?;
         let (mut y, mut right, mut rests, mut columns) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for half in halves.into_iter().flatten() {
             right.push(half.right);
@@ -169,8 +160,9 @@ impl Energy<'_> {
             let rest = solution.iter().zip(&y).map(low).collect();
             let columns = (0..(count - half * CYCLE_WIDTH).min(CYCLE_WIDTH)).map(|k| {
                 let Norms { y, rest, computed } = self.norms(&enclosed, k, solver.sigma);
-                let sum = residuals.sums[k].dual.sqrt();
-                Column { y, sum, of_rest: (1.0 + MASS_ROUNDING) * rest + computed, of_residual: residuals.rounding[k] }
+                let PairResidual { sums, rounding } = residuals.pairs[k];
+                let sum = sums.dual.sqrt();
+                Column { y, sum, of_rest: (1.0 + MASS_ROUNDING) * rest + computed, of_residual: rounding }
             });
             Half { right: right.clone(), columns: columns.collect(), y, rest }
         };
@@ -206,13 +198,14 @@ impl Energy<'_> {
         }
         let columns = (0..count).map(|k| {
             let Norms { y, rest, computed } = self.norms(&enclosed, k, sigma);
-            let dual = residuals.sums[k].dual.sqrt();
+            let PairResidual { sums, rounding } = residuals.pairs[k];
+            let dual = sums.dual.sqrt();
             Column {
                 y,
                 sum: dual + rest,
                 // `R + E` is stored in single precision once more.
                 of_rest: computed + SINGLE * (dual + 2.0 * rest),
-                of_residual: residuals.rounding[k],
+                of_residual: rounding,
             }
         });
         let columns = columns.collect();

@@ -142,7 +142,8 @@ impl Energy<'_> {
         for (half, theta) in theta.chunks(CYCLE_WIDTH).enumerate() {
             let enclosed = self.enclose_all(&y[half], &workspace.right[half], solver.sigma);
             measures.extend(
-                (0..theta.len()).map(|k| self.conclude(&residuals[half], &enclosed, k, theta[k], solver.sigma)),
+                (0..theta.len())
+                    .map(|k| self.conclude(&residuals[half].pairs[k], &enclosed.of(k), theta[k], solver.sigma)),
             );
         }
         measures

@@ -1,16 +1,32 @@
 //! The rows of a patch: residuals of sixteen pairs, and the terms that enclose their norms.
 
-use super::{Energy, Measure};
+use super::{Energy, MASS_ROUNDING, Measure, SINGLE};
+use chladni_algebra::gpu::{EnclosureSums, ResidualSums};
 use chladni_algebra::{CYCLE_WIDTH, CycleRow, LIFT_WIDTH, MassMatrix, Patch, SparseMatrix, vectorized};
 
 /// Sums over the residuals of sixteen pairs.
 #[derive(Default)]
 pub(super) struct Residuals {
-    pub(super) sums: [Measure; CYCLE_WIDTH],
-    /// `‖δ‖²` in the inverse lumped mass, δ a bound on the rounding errors of each row.
-    pub(super) rounding: [f64; CYCLE_WIDTH],
-    pub(super) lowest: [f64; CYCLE_WIDTH],
-    pub(super) highest: [f64; CYCLE_WIDTH],
+    pub(super) pairs: [PairResidual; CYCLE_WIDTH],
+}
+
+/// Sums over the residual of a pair.
+#[derive(Default, Clone, Copy)]
+pub(super) struct PairResidual {
+    pub(super) sums: Measure,
+    /// `‖δ‖` in the inverse lumped mass, δ a bound on the rounding errors of each row, storing it in single precision included.
+    pub(super) rounding: f64,
+}
+
+impl PairResidual {
+    /// Of the sums of a pair with the value `theta`.
+    pub(super) fn new(sums: &ResidualSums, theta: f64) -> Self {
+        let ResidualSums { residual, dual, stiffness, square, mass, energy, rounding, lowest, highest } = *sums;
+        Self {
+            sums: Measure { residual, dual, stiffness, square, mass, energy, lowest, highest, ..Measure::default() },
+            rounding: rounding.sqrt() + MASS_ROUNDING * theta.abs() * mass.sqrt() + SINGLE * dual.sqrt(),
+        }
+    }
 }
 
 /// The terms of the enclosure; those of `r − Ay` are in the inverse lumped mass.
@@ -28,6 +44,42 @@ pub(super) struct Enclosure {
     pub(super) mass: [f64; CYCLE_WIDTH],
 }
 
+/// Adds the sums of some rows to those of others.
+pub(super) fn add_totals(totals: &mut [[f64; CYCLE_WIDTH]; 9], part: &[[f64; CYCLE_WIDTH]; 9]) {
+    for (v, (totals, part)) in totals.iter_mut().zip(part).enumerate() {
+        for (total, part) in totals.iter_mut().zip(part) {
+            *total = match v {
+                7 => total.min(*part),
+                8 => total.max(*part),
+                _ => *total + part,
+            };
+        }
+    }
+}
+
+impl Enclosure {
+    /// Adds the terms of other rows.
+    pub(super) fn add(&mut self, other: &Self) {
+        let Self { below, size, excess, rounding, mass } = self;
+        let sums = [below, size, excess, rounding, mass];
+        let others = [&other.below, &other.size, &other.excess, &other.rounding, &other.mass];
+        for (sums, others) in sums.into_iter().zip(others) {
+            sums.iter_mut().zip(others).for_each(|(sum, other)| *sum += other);
+        }
+    }
+
+    /// The terms of one pair.
+    pub(super) fn of(&self, k: usize) -> EnclosureSums {
+        EnclosureSums {
+            below: self.below[k],
+            size: self.size[k],
+            excess: self.excess[k],
+            rounding: self.rounding[k],
+            mass: self.mass[k],
+        }
+    }
+}
+
 impl Energy<'_> {
     /// The rows of a patch of one half of [`residuals`](Self::residuals); `x` holds the patch and its first ring.
     #[expect(clippy::too_many_arguments, reason = "what one patch needs and what it adds to")]
@@ -37,14 +89,13 @@ impl Energy<'_> {
         x: &[[f64; LIFT_WIDTH]],
         half: usize,
         theta: &[f64; CYCLE_WIDTH],
-        totals: &mut [[f64; CYCLE_WIDTH]; 7],
-        found: &mut Residuals,
+        totals: &mut [[f64; CYCLE_WIDTH]; 9],
         right: &mut [CycleRow],
     ) {
         vectorized(
-            (totals, found, right),
+            (totals, right),
             #[inline(always)]
-            |(totals, found, right)| {
+            |(totals, right)| {
                 for (row, (right, global)) in right.iter_mut().zip(patch.rows()).enumerate() {
                     let own = lanes_of(&x[row], half);
                     let (columns, values) = patch.exact(row);
@@ -82,8 +133,8 @@ impl Energy<'_> {
                         totals[4][k] += own[k] * mx[k];
                         totals[5][k] += own[k] * sx[k];
                         totals[6][k] += weight * own[k] * own[k];
-                        found.lowest[k] = if own[k] < found.lowest[k] { own[k] } else { found.lowest[k] };
-                        found.highest[k] = if own[k] > found.highest[k] { own[k] } else { found.highest[k] };
+                        totals[7][k] = if own[k] < totals[7][k] { own[k] } else { totals[7][k] };
+                        totals[8][k] = if own[k] > totals[8][k] { own[k] } else { totals[8][k] };
                     }
                 }
             },

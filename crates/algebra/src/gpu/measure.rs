@@ -1,0 +1,386 @@
+//! Residuals of pairs and what encloses their norms, on the device: lifted, multiplied, taken through multigrid cycles and summed up there, some
+//! columns at a time, so that no more than a few numbers a column come back.
+
+use chladni_base::Monitor;
+
+use super::cycle::DeviceCycle;
+use super::device::{Buffer, Device};
+use super::error::GpuError;
+use super::kernel::{KernelName, VECTOR_THREADS};
+use super::matrix::{DeviceMatrix, read_values, upload, write_values};
+use super::measure_check;
+use super::multiply::{Form, multiply};
+use super::pair_sums::{EnclosureSums, Judge, MeasuredPairs, MeasuredPencil, PairSums, ResidualSums};
+use super::recorder::{PORTION_SECONDS, Recorder};
+use super::resident::offsets;
+use super::sparse::DeviceSparse;
+use crate::{MassMatrix, SparseMatrix, WeightedMass};
+
+/// Columns at once: the most whose memory stays below [`MOST_BYTES`], or the last of these.
+const WIDTHS: [usize; 3] = [64, 32, 16];
+
+/// Bytes of a row and column: `x` in double precision, and seven panels in single precision with the coarse levels.
+const BYTES: u64 = 8 + 7 * 4;
+
+/// Bytes of all panels. Wider ones gain little: of a matrix row they read less for each column, but the columns are most of the traffic.
+const MOST_BYTES: u64 = 3 << 30;
+
+/// Groups that sum up rows: enough for a large device.
+const GROUPS: usize = 1024;
+
+/// What a panel of columns needs on the device.
+struct Panels {
+    coefficients: DeviceMatrix<f64>,
+    x: DeviceMatrix<f64>,
+    right: DeviceMatrix<f32>,
+    y: DeviceMatrix<f32>,
+    rest: DeviceMatrix<f32>,
+    thetas: Buffer<f64>,
+    shifts: Buffer<f64>,
+    weights: Buffer<f64>,
+}
+
+/// The pencil on the device, in double precision.
+struct DevicePencil {
+    stiffness: [Buffer<u32>; 2],
+    values: Buffer<f64>,
+    mass: [Buffer<u32>; 2],
+    masses: Buffer<f64>,
+    /// One over the lumped mass of each row, and the weight of its rounding errors.
+    weights: Buffer<f64>,
+    entries: usize,
+}
+
+/// Measures pairs.
+///
+/// # Errors
+/// [`GpuError`]: memory, whatever the device says, or sums that differ from those of the CPU.
+pub(super) fn measure(
+    device: &Device,
+    pencil: &MeasuredPencil<'_>,
+    pairs: &MeasuredPairs<'_>,
+    judge: &dyn Judge,
+    monitor: &dyn Monitor,
+) -> Result<PairSums, GpuError> {
+    let (n, d, q) = (pairs.space.rows(), pairs.space.columns(), pairs.values.len());
+    assert!(
+        pencil.stiffness.rows() == n
+            && pencil.mass.size() == n
+            && pencil.lumped.len() == n
+            && pencil.rounding.len() == n
+            && (pairs.coefficients.rows(), pairs.coefficients.columns()) == (d, q)
+            && pairs.sigmas.len() == q,
+        "a row for each unknown, a column for each value"
+    );
+    let width = width(device, n, q)?;
+    let on_device = DevicePencil::new(device, pencil)?;
+    let mut cycle = DeviceCycle::new(device, pencil.stiffness, pencil.hierarchy, width)?;
+    let panels = Panels::new(device, n, d, width)?;
+    let space = lifted_by(device, pairs.space, &panels.coefficients)?;
+    let density = device.buffer::<f64>(n as u64)?;
+    let mut dense = false;
+    let mut found = PairSums::default();
+    for first in (0..q).step_by(width) {
+        monitor.checkpoint()?;
+        let count = width.min(q - first);
+        panels.fill(device, pencil, pairs, first, count)?;
+        let sigmas = panel_of(&pairs.sigmas[first..first + count], width, |&sigma| sigma as f32);
+        cycle.shift(device, &sigmas)?;
+
+        let mut recorder = Recorder::new(device, monitor);
+        space.times(&mut recorder, &panels.x, &panels.coefficients, (1.0, 0.0))?;
+        let parts = on_device.residuals(&mut recorder, &panels)?;
+        let y = cycle.run(&mut recorder, &panels.right)?;
+        recorder.copy(y.only()?.raw(), 0, panels.y.only()?.raw(), 0, (n * width * size_of::<f32>()) as u64);
+        let enclosing = on_device.enclosures(&mut recorder, &panels)?;
+        recorder.finish()?;
+        let residuals: Vec<ResidualSums> =
+            parts.read(device, count)?.into_iter().map(|sums| ResidualSums::of(sums)).collect();
+        let mut enclosures: Vec<EnclosureSums> =
+            enclosing.read(device, count)?.into_iter().map(|sums| EnclosureSums::of(sums)).collect();
+        for _ in 1..judge.most_cycles() {
+            if judge.is_close(first, &residuals, &enclosures) {
+                break;
+            }
+            let mut recorder = Recorder::new(device, monitor);
+            cycle.run(&mut recorder, &panels.rest)?;
+            cycle.add_last(&mut recorder, &panels.y)?;
+            let enclosing = on_device.enclosures(&mut recorder, &panels)?;
+            recorder.finish()?;
+            enclosures = enclosing.read(device, count)?.into_iter().map(|sums| EnclosureSums::of(sums)).collect();
+        }
+        if let Some(weights) = judge.weights(first, &residuals, &enclosures) {
+            if !std::mem::replace(&mut dense, true) {
+                write_values(device, &density, 0, &vec![0.0; n])?;
+            }
+            write_values(device, &panels.weights, 0, &panel_of(&weights, width, |&weight| weight))?;
+            let mut recorder = Recorder::new(device, monitor);
+            panels.add_density(&mut recorder, &density)?;
+            recorder.finish()?;
+        }
+        if first + count == q {
+            let column = count / 2;
+            let held = [pick(device, &panels.right, column)?, pick(device, &panels.y, column)?];
+            #[cfg(test)]
+            if device.spoiled() {
+                enclosures[column].excess *= 1.0 - 1e-6;
+            }
+            let sums = (&residuals[column], &enclosures[column]);
+            measure_check::check(pencil, pairs, first + column, &held, sums)?;
+        }
+        found.residuals.extend(residuals);
+        found.enclosures.extend(enclosures);
+        monitor.progress((first + count) as f64 / q as f64);
+    }
+    if dense {
+        found.density = Some(read_values(device, &density, 0, n)?);
+    }
+    Ok(found)
+}
+
+/// One column of a panel, back on this machine.
+fn pick(device: &Device, panel: &DeviceMatrix<f32>, column: usize) -> Result<Vec<f64>, GpuError> {
+    let (rows, width) = (panel.rows(), panel.columns());
+    let (one, unit) = (DeviceMatrix::<f32>::new(device, rows, 1)?, DeviceMatrix::<f32>::new(device, width, 1)?);
+    unit.write(device, |row, into| into[0] = f32::from(u8::from(row == column)))?;
+    let mut recorder = Recorder::new(device, &chladni_base::Unwatched);
+    multiply(&mut recorder, Form::Plain, one.all(), panel.all(), unit.all(), (1.0, 0.0))?;
+    recorder.finish()?;
+    let mut values = Vec::with_capacity(rows);
+    one.read(device, 0..rows, |_, row| values.push(f64::from(row[0])))?;
+    Ok(values)
+}
+
+/// Columns at once for so many rows and columns.
+fn width(device: &Device, n: usize, q: usize) -> Result<usize, GpuError> {
+    let limits = device.limits();
+    let most = limits.binding_bytes.min(limits.buffer_bytes);
+    let fits = |width: usize| (n * width * size_of::<f64>()) as u64 <= most;
+    let [.., least] = WIDTHS;
+    let wanted =
+        |&width: &usize| (n * width) as u64 * BYTES <= MOST_BYTES && fits(width) && width < 2 * q.next_power_of_two();
+    let width = WIDTHS.into_iter().find(wanted).unwrap_or(least);
+    if fits(width) { Ok(width) } else { Err(GpuError::Memory { bytes: (n * width * size_of::<f64>()) as u64 }) }
+}
+
+/// As many numbers as a panel has columns, the last one repeated.
+fn panel_of<T, S: Copy + Default>(values: &[T], width: usize, of: impl Fn(&T) -> S) -> Vec<S> {
+    let last = values.last().map_or(S::default(), &of);
+    let mut panel: Vec<S> = values.iter().map(of).collect();
+    panel.resize(width, last);
+    panel
+}
+
+/// `U` on the device.
+fn lifted_by(
+    device: &Device,
+    space: &SparseMatrix<f32>,
+    coefficients: &DeviceMatrix<f64>,
+) -> Result<DeviceSparse<f64>, GpuError> {
+    let values: Vec<f64> = space.values().iter().map(|&x| f64::from(x)).collect();
+    DeviceSparse::new(device, space.columns(), &offsets(space.offsets())?, space.indices(), &values, coefficients)
+}
+
+impl Panels {
+    fn new(device: &Device, n: usize, d: usize, width: usize) -> Result<Self, GpuError> {
+        Ok(Self {
+            coefficients: DeviceMatrix::new(device, d, width)?,
+            x: DeviceMatrix::new(device, n, width)?,
+            right: DeviceMatrix::new(device, n, width)?,
+            y: DeviceMatrix::new(device, n, width)?,
+            rest: DeviceMatrix::new(device, n, width)?,
+            thetas: device.buffer(width as u64)?,
+            shifts: device.buffer(width as u64)?,
+            weights: device.buffer(width as u64)?,
+        })
+    }
+
+    /// The numbers of some pairs; columns beyond them are zeros.
+    fn fill(
+        &self,
+        device: &Device,
+        pencil: &MeasuredPencil<'_>,
+        pairs: &MeasuredPairs<'_>,
+        first: usize,
+        count: usize,
+    ) -> Result<(), GpuError> {
+        let width = self.x.columns();
+        self.coefficients.write(device, |row, into| {
+            for (k, value) in into.iter_mut().enumerate() {
+                *value = if k < count { pairs.coefficients.column(first + k)[row] } else { 0.0 };
+            }
+        })?;
+        let thetas = panel_of(&pairs.values[first..first + count], width, |&theta| theta);
+        let shifts = panel_of(&pairs.sigmas[first..first + count], width, |&sigma| sigma + pencil.floor);
+        write_values(device, &self.thetas, 0, &thetas)?;
+        write_values(device, &self.shifts, 0, &shifts)
+    }
+
+    /// Adds the weighted `y r` of each row.
+    fn add_density(&self, recorder: &mut Recorder<'_>, density: &Buffer<f64>) -> Result<(), GpuError> {
+        #[repr(C)]
+        #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+        struct Shape {
+            first: u32,
+            end: u32,
+            width: u32,
+        }
+        let device = recorder.device();
+        let kernel = device.kernel::<f64>(KernelName::Density)?;
+        let [right, y] = [self.right.only()?, self.y.only()?];
+        let bound =
+            kernel.bind(&device.device, &[self.weights.binding(), right.binding(), y.binding(), density.binding()]);
+        let (rows, width) = (self.y.rows(), self.y.columns());
+        let rows_of_group = VECTOR_THREADS as usize / width;
+        let row_seconds = 32.0 * width as f64 / device.rate::<f64>();
+        let at_once = rows_at_once(device, row_seconds, rows_of_group, device.limits().groups as usize);
+        for first in (0..rows).step_by(at_once) {
+            let count = at_once.min(rows - first);
+            let shape = Shape { first: first as u32, end: (first + count) as u32, width: width as u32 };
+            let groups = (count.div_ceil(rows_of_group) as u32, 1, 1);
+            recorder.dispatch(&kernel, &bound, bytemuck::bytes_of(&shape), groups, row_seconds * count as f64)?;
+        }
+        Ok(())
+    }
+}
+
+/// Rows that a dispatch takes in a part of a portion; groups take some of them at a time.
+fn rows_at_once(device: &Device, row_seconds: f64, rows_of_group: usize, most_groups: usize) -> usize {
+    let most = (0.5 * PORTION_SECONDS / row_seconds) as usize / rows_of_group;
+    most.clamp(1, most_groups.min(device.limits().groups as usize)) * rows_of_group
+}
+
+/// `N` sums of each column, in parts.
+struct Parts<const N: usize> {
+    sums: Buffer<f64>,
+    parts: usize,
+    width: usize,
+}
+
+impl<const N: usize> Parts<N> {
+    /// The sums of the first `count` columns.
+    fn read(&self, device: &Device, count: usize) -> Result<Vec<[f64; N]>, GpuError> {
+        let values = read_values(device, &self.sums, 0, N * self.parts * self.width)?;
+        let mut columns = vec![[0.0f64; N]; count];
+        for (v, parts) in values.chunks_exact(self.parts * self.width).enumerate() {
+            for part in parts.chunks_exact(self.width) {
+                for (column, &part) in columns.iter_mut().zip(part) {
+                    let sum = &mut column[v];
+                    // The last two of nine are the least and the greatest.
+                    *sum = match (N, v) {
+                        (ResidualSums::COUNT, 7) => sum.min(part),
+                        (ResidualSums::COUNT, 8) => sum.max(part),
+                        _ => *sum + part,
+                    };
+                }
+            }
+        }
+        Ok(columns)
+    }
+}
+
+impl DevicePencil {
+    fn new(device: &Device, pencil: &MeasuredPencil<'_>) -> Result<Self, GpuError> {
+        let MeasuredPencil { stiffness, mass, lumped, rounding, .. } = pencil;
+        let n = stiffness.rows();
+        let (mass, masses) = match mass {
+            MassMatrix::Sparse(mass) | MassMatrix::Weighted(WeightedMass { matrix: mass, .. }) => {
+                let starts = upload(device, &offsets(mass.offsets())?)?;
+                ([starts, upload(device, mass.indices())?], upload(device, mass.values())?)
+            }
+            MassMatrix::Diagonal(mass) => {
+                let places: Vec<u32> = (0..=n as u32).collect();
+                ([upload(device, &places)?, upload(device, &places[..n])?], upload(device, mass)?)
+            }
+        };
+        let weights: Vec<f64> = lumped.iter().zip(*rounding).flat_map(|(mass, &weight)| [1.0 / mass, weight]).collect();
+        Ok(Self {
+            stiffness: [upload(device, &offsets(stiffness.offsets())?)?, upload(device, stiffness.indices())?],
+            values: upload(device, stiffness.values())?,
+            mass,
+            masses,
+            weights: upload(device, &weights)?,
+            entries: stiffness.entries(),
+        })
+    }
+
+    /// The residuals of a panel, and their sums.
+    fn residuals(
+        &self,
+        recorder: &mut Recorder<'_>,
+        panels: &Panels,
+    ) -> Result<Parts<{ ResidualSums::COUNT }>, GpuError> {
+        let after = [panels.thetas.binding(), panels.x.only()?.binding(), panels.right.only()?.binding()];
+        self.sums(recorder, KernelName::Residuals, &panels.x, &after)
+    }
+
+    /// What the corrections of a panel leave of them, and its sums.
+    fn enclosures(
+        &self,
+        recorder: &mut Recorder<'_>,
+        panels: &Panels,
+    ) -> Result<Parts<{ EnclosureSums::COUNT }>, GpuError> {
+        let [right, y, rest] = [&panels.right, &panels.y, &panels.rest].map(DeviceMatrix::only);
+        let after = [panels.shifts.binding(), right?.binding(), y?.binding(), rest?.binding()];
+        self.sums(recorder, KernelName::Enclosure, &panels.y, &after)
+    }
+
+    fn sums<T: super::real::Real, const N: usize>(
+        &self,
+        recorder: &mut Recorder<'_>,
+        name: KernelName,
+        of: &DeviceMatrix<T>,
+        after: &[wgpu::BindingResource<'_>],
+    ) -> Result<Parts<N>, GpuError> {
+        #[repr(C)]
+        #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+        struct Shape {
+            first: u32,
+            end: u32,
+            width: u32,
+            groups: u32,
+            part: u32,
+            parts: u32,
+        }
+        let (rows, width) = (of.rows(), of.columns());
+        let device = recorder.device();
+        let kernel = device.kernel::<f64>(name)?;
+        let rows_of_group = VECTOR_THREADS as usize / width;
+        let row_seconds = 16.0 * (self.entries as f64 / rows.max(1) as f64 + 8.0) * width as f64 / device.rate::<f64>();
+        let at_once = rows_at_once(device, row_seconds, rows_of_group, usize::MAX);
+        let groups_of = |first: usize| at_once.min(rows - first).div_ceil(rows_of_group).min(GROUPS);
+        let parts: usize = (0..rows).step_by(at_once).map(groups_of).sum();
+        let sums = device.buffer::<f64>((N * parts * width) as u64)?;
+        let [starts, columns] = &self.stiffness;
+        let [mass_starts, mass_columns] = &self.mass;
+        let mut buffers = vec![
+            starts.binding(),
+            columns.binding(),
+            self.values.binding(),
+            mass_starts.binding(),
+            mass_columns.binding(),
+            self.masses.binding(),
+            self.weights.binding(),
+        ];
+        buffers.extend_from_slice(after);
+        buffers.push(sums.binding());
+        let bound = kernel.bind(&device.device, &buffers);
+        let mut part = 0;
+        for first in (0..rows).step_by(at_once) {
+            let (count, groups) = (at_once.min(rows - first), groups_of(first));
+            let shape = Shape {
+                first: first as u32,
+                end: (first + count) as u32,
+                width: width as u32,
+                groups: groups as u32,
+                part: part as u32,
+                parts: parts as u32,
+            };
+            let seconds = row_seconds * count as f64;
+            recorder.dispatch(&kernel, &bound, bytemuck::bytes_of(&shape), (groups as u32, 1, 1), seconds)?;
+            part += groups;
+        }
+        drop(bound);
+        Ok(Parts { sums, parts, width })
+    }
+}

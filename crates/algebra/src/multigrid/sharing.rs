@@ -1,0 +1,71 @@
+//! Who works on a panel: a thread of its own, or all threads together. Panels of their own need no waiting, but memory for each, and leave threads idle
+//! where there are fewer panels.
+
+use std::sync::{Mutex, PoisonError};
+
+use rayon::prelude::*;
+
+use super::CycleRow;
+use super::smoother::Buffers;
+use crate::Patch;
+
+/// Who works on a panel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Sharing {
+    OneThread,
+    AllThreads,
+}
+
+/// Rows of a level that a thread takes at once, where threads share a panel: a quarter of a megabyte.
+pub(super) const SHARED_ROWS: usize = 4096;
+
+impl Sharing {
+    /// A level that is not worth sharing is left to one thread.
+    pub(super) fn of(self, rows: usize) -> Self {
+        if rows < 2 * SHARED_ROWS { Self::OneThread } else { self }
+    }
+
+    /// Calls `work` with all rows, from the first on, or with some of them at a time.
+    pub(super) fn rows(self, rows: &mut [CycleRow], work: impl Fn(usize, &mut [CycleRow]) + Sync) {
+        match self {
+            Self::OneThread => work(0, rows),
+            Self::AllThreads => {
+                rows.par_chunks_mut(SHARED_ROWS).enumerate().for_each(|(at, rows)| work(at * SHARED_ROWS, rows));
+            }
+        }
+    }
+}
+
+/// Calls `work` with each patch, buffers and its target; the answers are in order.
+pub(super) fn over_patches<T: Send, S: Send>(
+    sharing: Sharing,
+    patches: &[Patch],
+    buffers: &Mutex<Vec<Buffers>>,
+    targets: Vec<T>,
+    work: impl Fn(&Patch, &mut Buffers, T) -> S + Sync,
+) -> Vec<S> {
+    let idle = || buffers.lock().unwrap_or_else(PoisonError::into_inner);
+    let one = |(patch, target): (&Patch, T)| {
+        // Fresh memory costs as much as a cycle.
+        let left = idle().pop();
+        let mut local = left.unwrap_or_default();
+        let answer = work(patch, &mut local, target);
+        idle().push(local);
+        answer
+    };
+    match sharing {
+        Sharing::OneThread => patches.iter().zip(targets).map(one).collect(),
+        Sharing::AllThreads => patches.par_iter().zip(targets).map(one).collect(),
+    }
+}
+
+/// The rows of each patch.
+pub fn by_patch<'a, T>(patches: &[Patch], rows: &'a mut [T]) -> Vec<&'a mut [T]> {
+    let mut left = rows;
+    let cut = |patch: &Patch| {
+        let (own, others) = std::mem::take(&mut left).split_at_mut(patch.rows().len());
+        left = others;
+        own
+    };
+    patches.iter().map(cut).collect()
+}
