@@ -118,7 +118,7 @@ impl<T> SparseMatrix<T> {
     }
 }
 
-impl<T: Copy + Send> SparseMatrix<T> {
+impl<T: Copy + Default + Send> SparseMatrix<T> {
     /// Builds a matrix row by row, on all threads. Every row is made by itself, so that the result does not depend on how many threads there are.
     ///
     /// `row(state, r, entries)` puts what row `r` has into `entries`, which comes empty, as `(column, value)` with columns strictly ascending, which
@@ -152,18 +152,28 @@ impl<T: Copy + Send> SparseMatrix<T> {
         Self::joined(rows, columns, parts)
     }
 
-    /// The matrix of runs of rows, one after the other.
+    /// The matrix of runs of rows, one after the other. All threads copy: of large matrices, fresh memory takes as long as anything else.
     fn joined(rows: usize, columns: usize, parts: Vec<Part<T>>) -> Self {
         let entries = parts.iter().map(|part| part.indices.len()).sum();
         let mut offsets = Vec::with_capacity(rows + 1);
-        let (mut indices, mut values) = (Vec::with_capacity(entries), Vec::with_capacity(entries));
         offsets.push(0);
+        let (mut indices, mut values) = (vec![0; entries], vec![T::default(); entries]);
+        let (mut free_indices, mut free_values) = (&mut indices[..], &mut values[..]);
+        let mut start = 0;
+        let mut targets = Vec::with_capacity(parts.len());
         for part in parts {
-            let start = indices.len();
             offsets.extend(part.ends.iter().map(|end| start + end));
-            indices.extend(part.indices);
-            values.extend(part.values);
+            let count = part.indices.len();
+            let (own_indices, own_values);
+            (own_indices, free_indices) = std::mem::take(&mut free_indices).split_at_mut(count);
+            (own_values, free_values) = std::mem::take(&mut free_values).split_at_mut(count);
+            targets.push((part, own_indices, own_values));
+            start += count;
         }
+        targets.into_par_iter().for_each(|(part, indices, values)| {
+            indices.copy_from_slice(&part.indices);
+            values.copy_from_slice(&part.values);
+        });
         Self::from_sorted_parts(rows, columns, offsets, indices, values)
     }
 }
@@ -182,20 +192,14 @@ impl<T: Copy + From<u8>> SparseMatrix<T> {
     }
 }
 
-impl<T: Copy> SparseMatrix<T> {
+impl<T: Copy + Default + Send + Sync> SparseMatrix<T> {
     /// The matrix whose row `k` is row `rows[k]` of this one.
     pub fn select_rows(&self, rows: &[u32]) -> Self {
-        let entries = rows.iter().map(|&row| self.row(row as usize).0.len()).sum();
-        let mut offsets = Vec::with_capacity(rows.len() + 1);
-        let (mut indices, mut values) = (Vec::with_capacity(entries), Vec::with_capacity(entries));
-        offsets.push(0);
-        for &row in rows {
-            let (i, x) = self.row(row as usize);
-            indices.extend_from_slice(i);
-            values.extend_from_slice(x);
-            offsets.push(indices.len());
-        }
-        Self::from_sorted_parts(rows.len(), self.columns, offsets, indices, values)
+        let row = |(): &mut (), k: usize, entries: &mut Vec<(u32, T)>| {
+            let (columns, values) = self.row(rows[k] as usize);
+            entries.extend(columns.iter().copied().zip(values.iter().copied()));
+        };
+        Self::from_rows(rows.len(), self.columns, || (), row)
     }
 }
 
@@ -271,22 +275,13 @@ impl SparseMatrix {
             true => rows.binary_search(&column).map_or(u32::MAX, |place| place as u32),
             false => places[column as usize],
         };
-        let most = rows.iter().map(|&row| self.row(row as usize).0.len()).sum();
-        let mut offsets = Vec::with_capacity(rows.len() + 1);
-        let (mut indices, mut values) = (Vec::with_capacity(most), Vec::with_capacity(most));
-        offsets.push(0);
-        let mut entries: Vec<(u32, f64)> = Vec::new();
-        for &row in rows {
-            let (columns, numbers) = self.row(row as usize);
-            entries.clear();
+        let row = |(): &mut (), k: usize, entries: &mut Vec<(u32, f64)>| {
+            let (columns, numbers) = self.row(rows[k] as usize);
             let placed = columns.iter().zip(numbers).map(|(&column, &number)| (place(column), number));
             entries.extend(placed.filter(|entry| entry.0 != u32::MAX));
             entries.sort_unstable_by_key(|entry| entry.0);
-            indices.extend(entries.iter().map(|entry| entry.0));
-            values.extend(entries.iter().map(|entry| entry.1));
-            offsets.push(indices.len());
-        }
-        Self::from_sorted_parts(rows.len(), rows.len(), offsets, indices, values)
+        };
+        Self::from_rows(rows.len(), rows.len(), || (), row)
     }
 }
 

@@ -267,7 +267,7 @@ fn pairs_are_enclosed_index_by_index_and_refined() {
     }
     let (before, _) = errors(&plain.eigenvalues, &found);
     let refined = approximate_refined(&solid, &made, &parameters(40, 190), Refinement::InverseIteration, &Unwatched);
-    let refined = refined.unwrap();
+    let refined = refined.unwrap().pairs;
     let (after, _) = errors(&refined.values, &found);
     assert!(after < 0.3 * before, "{before} % became {after} %");
     assert!(refined.orthonormality_defect < 1e-10);

@@ -39,14 +39,13 @@ impl Engine {
         if double {
             self_test::test::<f64>(&device)?;
             self_test::measure::<f64>(&device)?;
-        }
-        if double {
             self_test::smoothing(&device, 41, 16)?;
         }
         if auto || !double {
             self_test::test::<f32>(&device)?;
-            self_test::measure::<f32>(&device)?;
         }
+        // Dispatches are cut by it, those of cycles too.
+        self_test::measure::<f32>(&device)?;
         let speeds = if auto { Some(Speeds::measure(&device)?) } else { None };
         Ok(Self { name: device.adapter().name.clone(), speeds, device, turn: Mutex::default() })
     }

@@ -15,7 +15,7 @@ use super::hsim;
 use super::lehmann::{self, Enclosed};
 use super::radial::RadialParameters;
 use crate::basis::{AccuracyReport, Basis, Compact, Functions, InertiaCount};
-use crate::operator::MeshOperator;
+use crate::operator::{EigenProblem, MeshOperator};
 use chladni_algebra::EigenError;
 use chladni_base::Monitor;
 
@@ -137,17 +137,60 @@ pub fn approximate<'a>(
     Ok(basis)
 }
 
-/// [`approximate`] on a problem of unit size, whose area is the square of the length that is 1 there.
-fn on_unit_size(
+/// A space that was made as fine as the goal asks for, or as the mesh allows, and its pairs, judged.
+pub(super) struct Found<'a> {
+    attempt: Attempt,
+    energy: Energy<'a>,
+    /// How its functions were made.
+    built: Space,
+    /// How often it was made finer.
+    rounds: usize,
+}
+
+impl Found<'_> {
+    /// The pairs, guards included, and their estimated errors, on unit size.
+    pub(super) fn into_pairs(self, problem: &EigenProblem) -> (Ritz, Vec<f64>) {
+        let Attempt { ritz, certificate, .. } = self.attempt;
+        let mut estimates = certificate.estimates;
+        by_index(&ritz.pairs.values, &mut estimates, problem.area);
+        estimates.iter_mut().for_each(|estimate| *estimate *= problem.area);
+        (ritz, estimates)
+    }
+
+    /// What came of the goal.
+    pub(super) fn report(&self, domain: Domain<'_>, goal: f64) -> AccuracyReport {
+        let Self { attempt, built, rounds, .. } = self;
+        AccuracyReport {
+            goal,
+            largest_estimate: attempt.largest_estimate,
+            reached: attempt.largest_estimate <= goal && attempt.hidden == 0,
+            rounds: *rounds,
+            dimension: attempt.ritz.space.columns(),
+            hats: hats::count(&attempt.ritz.space),
+            heat_steps: match *built {
+                Space::Heat(heat) => Some(domain.heat(heat).steps),
+                Space::Radial(_) => None,
+            },
+        }
+    }
+
+    /// Whether there are eigenvalues below the last pair's that no pair stands for.
+    pub(super) fn hides_some(&self) -> bool {
+        self.attempt.hidden > 0
+    }
+}
+
+/// Pairs and at least `guards` beyond them in a space that is made finer as often as the goal allows, on a problem of unit size.
+pub(super) fn search<'a>(
     domain: Domain<'_>,
-    operator: &MeshOperator,
-    parameters: &ApproximationParameters,
+    operator: &'a MeshOperator,
+    mut parameters: ApproximationParameters,
+    guards: usize,
     monitor: &dyn Monitor,
-) -> Result<Basis, ApproximationError> {
+) -> Result<Found<'a>, ApproximationError> {
     let problem = &operator.problem;
-    let mut parameters = parameters.fitted(problem.size());
     let (count, goal) = (parameters.count, parameters.goal.map(|goal| goal.error));
-    let mut guards = guards(count, problem.size() / parameters.dimension.max(1));
+    let mut guards = self::guards(count, problem.size() / parameters.dimension.max(1)).max(guards);
     if parameters.certify {
         guards = guards.max(lehmann::guards(count));
     }
@@ -196,8 +239,24 @@ fn on_unit_size(
             remedies.hats = false;
         }
     }
+    Ok(Found { attempt, energy, built, rounds })
+}
+
+/// [`approximate`] on a problem of unit size, whose area is the square of the length that is 1 there.
+fn on_unit_size(
+    domain: Domain<'_>,
+    operator: &MeshOperator,
+    parameters: &ApproximationParameters,
+    monitor: &dyn Monitor,
+) -> Result<Basis, ApproximationError> {
+    let problem = &operator.problem;
+    let parameters = parameters.fitted(problem.size());
+    let count = parameters.count;
+    let found = search(domain, operator, parameters, 0, monitor)?;
+    let accuracy = parameters.goal.map(|goal| found.report(domain, goal.error));
+    let Found { attempt, energy, .. } = found;
     let enclosed = if parameters.certify { Some(attempt.enclose(&energy, problem, monitor)?) } else { None };
-    let Attempt { ritz: Ritz { space, mut pairs, .. }, mut certificate, largest_estimate, hidden, .. } = attempt;
+    let Attempt { ritz: Ritz { space, mut pairs, .. }, mut certificate, .. } = attempt;
     for distances in [&mut certificate.estimates, &mut certificate.bounds] {
         by_index(&pairs.values, distances, problem.area);
     }
@@ -206,18 +265,7 @@ fn on_unit_size(
     for list in [&mut certificate.residuals, &mut certificate.estimates, &mut certificate.bounds] {
         list.truncate(count);
     }
-    certificate.accuracy = goal.map(|goal| AccuracyReport {
-        goal,
-        largest_estimate,
-        reached: largest_estimate <= goal && hidden == 0,
-        rounds,
-        dimension: space.columns(),
-        hats: hats::count(&space),
-        heat_steps: match built {
-            Space::Heat(heat) => Some(domain.heat(heat).steps),
-            Space::Radial(_) => None,
-        },
-    });
+    certificate.accuracy = accuracy;
 
     if let Some(Enclosed { shift, below, bounds }) = enclosed {
         certificate.bounds = bounds.into_iter().map(|bound| bound / problem.area).collect();

@@ -26,4 +26,4 @@ pub use approximate::{
 };
 pub use domain::Domain;
 pub use energy::{FACTOR_BYTES, MOST_FACTORED, SHARED_FROM};
-pub use refine::{Refinement, approximate_refined};
+pub use refine::{Refined, Refinement, approximate_refined};

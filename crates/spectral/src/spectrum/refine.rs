@@ -7,14 +7,16 @@ use chladni_algebra::{
     DenseMatrix, FactorError, MassMatrix, Ordering, PANEL_WIDTH, PanelMatrix, SymbolicFactor, SymmetricDefiniteSolver,
     fill_reducing_order, gpu, mass_times_panel, residual_panel, residual_sums,
 };
+use chladni_base::notes::FALLBACKS;
 use chladni_base::{Cancelled, Monitor, Quiet};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::approximate::{ApproximationError, ApproximationParameters, Ritz, ritz};
+use super::approximate::{ApproximationError, ApproximationParameters, Ritz, search};
 use super::certificate::KERNEL;
 use super::domain::Domain;
 use super::hsim::Eigenpairs;
+use crate::basis::AccuracyReport;
 use crate::operator::{EigenProblem, MeshOperator};
 
 /// How approximate eigenfunctions are filtered. In JSON: `"inverse_iteration"` or `{"chebyshev": {"degree": 12}}`.
@@ -63,8 +65,28 @@ fn guards(count: usize) -> usize {
 /// The shift of the inverse iteration, as a share of the largest Ritz value: high pairs are damped by (θ + σ)/(λ + σ).
 const SHIFT: f64 = 0.01;
 
-/// Approximates, lifts and refines the lowest `count` pairs. Stages: those of the approximation without `bounds`, then `refine` and
-/// `bounds`.
+/// Of the estimated error of a pair so much is left at least, whatever the refinement took off its value.
+const LEFT: f64 = 0.2;
+
+/// A value that refinement makes larger by more than this share of the last one was made worse by it.
+const WORSE: f64 = 1e-9;
+
+/// Refined pairs, and what is known of their errors.
+#[derive(Debug)]
+pub struct Refined {
+    /// The pairs.
+    pub pairs: Eigenpairs,
+    /// About how far each value lies above the exact one of its index, in the units of the values.
+    pub estimates: Vec<f64>,
+    /// What came of the goal, if there was one.
+    pub accuracy: Option<AccuracyReport>,
+}
+
+/// Approximates the lowest `count` pairs as [`approximate`](super::approximate) does, as finely as the goal asks for, lifts and refines them. Stages:
+/// those of the approximation, then `refine` and `bounds`.
+///
+/// A Ritz value is an upper bound of the eigenvalue of its index, so that the smaller is the better: where a filter makes one larger, the approximation
+/// is kept, and the monitor gets a note.
 ///
 /// Eigenvalues and bounds are in the units of the input, eigenvectors orthonormal for the mass of the input, with zeros at vertices that
 /// are no unknowns. Nothing is counted by inertia: no pair proves to be missing or there.
@@ -77,17 +99,17 @@ pub fn approximate_refined<'a>(
     parameters: &ApproximationParameters,
     refinement: Refinement,
     monitor: &dyn Monitor,
-) -> Result<Eigenpairs, ApproximationError> {
+) -> Result<Refined, ApproximationError> {
     let domain = domain.into();
     if let Domain::Surface(_) = domain {
         return on_unit_size(domain, operator, parameters, refinement, monitor);
     }
     let unit = operator.on_unit_volume();
-    let mut pairs = on_unit_size(domain, &unit, parameters, refinement, monitor)?;
+    let mut refined = on_unit_size(domain, &unit, parameters, refinement, monitor)?;
     // Values are as in the input now; functions are still over a square, instead of a volume.
     let scale = (unit.problem.area / operator.problem.area).sqrt();
-    pairs.vectors.panels_mut().par_iter_mut().flatten().for_each(|x| *x *= scale);
-    Ok(pairs)
+    refined.pairs.vectors.panels_mut().par_iter_mut().flatten().for_each(|x| *x *= scale);
+    Ok(refined)
 }
 
 /// [`approximate_refined`] on a problem of unit size, whose area is the square of the length that is 1 there.
@@ -97,22 +119,61 @@ fn on_unit_size(
     parameters: &ApproximationParameters,
     refinement: Refinement,
     monitor: &dyn Monitor,
-) -> Result<Eigenpairs, ApproximationError> {
+) -> Result<Refined, ApproximationError> {
     let problem = &operator.problem;
     refinement.check(matches!(problem.mass, MassMatrix::Diagonal(_)))?;
     let count = parameters.count;
-    let columns = (count + guards(count)).min(parameters.dimension.max(count)).min(problem.size()).max(1);
-    let Ritz { space, pairs, .. } = ritz(domain, operator, &mut parameters.fitted(problem.size()), columns, monitor)?;
+    let fitted = parameters.fitted(problem.size());
+    let found = search(domain, operator, fitted, guards(count), monitor)?;
+    let mut accuracy = parameters.goal.map(|goal| found.report(domain, goal.error));
+    let hides_some = found.hides_some();
+    let (Ritz { space, pairs, .. }, estimates) = found.into_pairs(problem);
 
     monitor.stage("refine");
-    let vectors = gpu::accelerator().lift(&space, &pairs.vectors, monitor)?;
-    drop(space);
-    let vectors = match refinement {
-        Refinement::InverseIteration => inverse_iterations(problem, vectors, &pairs.values, 1, monitor)?,
-        Refinement::Chebyshev { degree } => chebyshev(problem, vectors, &pairs.values, degree, monitor)?,
+    let lift = || gpu::accelerator().lift(&space, &pairs.vectors, monitor);
+    let filtered = match refinement {
+        Refinement::InverseIteration => inverse_iterations(problem, lift()?, &pairs.values, 1, monitor)?,
+        Refinement::Chebyshev { degree } => chebyshev(problem, lift()?, &pairs.values, degree, monitor)?,
     };
     monitor.checkpoint()?;
-    rayleigh_ritz(operator, vectors, count, domain.positions().len(), monitor)
+    let n = domain.positions().len();
+    let slack = WORSE * pairs.values.last().map_or(0.0, |last| last.abs());
+    let worse = |refined: &Eigenpairs| {
+        let values = refined.values.iter().map(|value| value * problem.area);
+        // NaN is worse than anything.
+        values
+            .zip(&pairs.values)
+            .position(|(new, &old)| !(new <= old + slack && new >= -operator.floor.abs() - 1e3 * slack))
+    };
+    let mut refined = rayleigh_ritz(operator, filtered, count, n, monitor)?;
+    if let Some(pair) = worse(&refined) {
+        let reason = format!("refinement: it made the value of pair {pair} worse, and the approximation was kept");
+        monitor.note(FALLBACKS, &reason);
+        refined = rayleigh_ritz(operator, lift()?, count, n, monitor)?;
+        if let Some(pair) = worse(&refined) {
+            return Err(ApproximationError::Parameter {
+                name: "refinement",
+                reason: format!(
+                    "rounding decides the value of pair {pair} in double precision; leave it out, or take \"hsim\""
+                ),
+            });
+        }
+    }
+    // What is exactly zero was known before.
+    refined.values.iter_mut().zip(&pairs.values).filter(|(_, old)| **old == 0.0).for_each(|(new, _)| *new = 0.0);
+    let left = |((new, old), estimate): ((&f64, &f64), &f64)| {
+        let gained = (old - new * problem.area).max(0.0);
+        (estimate - gained).max(LEFT * estimate) / problem.area
+    };
+    let estimates: Vec<f64> = refined.values.iter().zip(&pairs.values).zip(&estimates).map(left).collect();
+    if let Some(accuracy) = &mut accuracy {
+        let relative = |(estimate, value): (&f64, &f64)| {
+            if (value * problem.area).abs() > KERNEL { estimate / value.abs() } else { 0.0 }
+        };
+        accuracy.largest_estimate = estimates.iter().zip(&refined.values).map(relative).fold(0.0, f64::max);
+        accuracy.reached = accuracy.largest_estimate <= accuracy.goal && !hides_some;
+    }
+    Ok(Refined { pairs: refined, estimates, accuracy })
 }
 
 /// `((K + σM)⁻¹ M)ᵏ X` for `k` iterations; `values` are the Ritz values of the columns, ascending.

@@ -9,8 +9,8 @@ use chladni_spectral::spectrum::heat::HeatParameters;
 use chladni_spectral::spectrum::radial::RadialParameters;
 use chladni_spectral::spectrum::{
     ApproximationError, ApproximationParameters, Domain, FACTOR_BYTES, FEW_VERTICES, Goal, MOST_COUNTED_IN_SOLID,
-    MOST_FACTORED, MOST_ROUNDS, Refinement, SHARED_FROM, Space, approximate, approximate_refined, dimension_for,
-    most_columns, most_initial_columns,
+    MOST_FACTORED, MOST_ROUNDS, Refined, Refinement, SHARED_FROM, Space, approximate, approximate_refined,
+    dimension_for, most_columns, most_initial_columns,
 };
 use serde::{Deserialize, Serialize};
 
@@ -137,7 +137,8 @@ impl Approximate {
         let Some((refinement, precision)) = self.refinement else {
             return dense_where_smaller(approximate(domain, operator, &parameters, monitor)?, monitor);
         };
-        let pairs = approximate_refined(domain, operator, &parameters, refinement, monitor)?;
+        let Refined { pairs, estimates, accuracy } =
+            approximate_refined(domain, operator, &parameters, refinement, monitor)?;
         Ok(Basis {
             functions: Functions::Dense(DenseFunctions::from_panels(pairs.vectors, precision)),
             eigenvalues: pairs.values,
@@ -145,6 +146,8 @@ impl Approximate {
             certificate: Certificate {
                 residuals: pairs.residuals,
                 bounds: pairs.bounds,
+                estimates,
+                accuracy,
                 orthonormality_defect: pairs.orthonormality_defect,
                 ..Certificate::default()
             },

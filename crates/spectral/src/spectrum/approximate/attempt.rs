@@ -92,6 +92,13 @@ impl Attempt {
         let good = goal.map(|goal| MEAN_SHARE * goal);
         (self.certificate, self.density) =
             certify(energy, problem, space, mass, &mut pairs.vectors, &pairs.values, good, monitor)?;
+        // No eigenvalue lies below the floor, and none of index `k` above the value of pair `k`. A value that is exactly zero is known.
+        let Certificate { estimates, bounds, .. } = &mut self.certificate;
+        for list in [estimates, bounds] {
+            for (distance, value) in list.iter_mut().zip(&pairs.values) {
+                *distance = distance.min((value + energy.floor()).max(0.0) / problem.area);
+            }
+        }
         let last = self.count.checked_sub(1).and_then(|k| pairs.values.get(k)).copied().unwrap_or(f64::NEG_INFINITY);
         let (mut sum, mut summed) = (0.0, 0usize);
         self.largest_estimate = 0.0;
