@@ -4,7 +4,7 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use chladni_work::JobParameters;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::work::{WorkArguments, given};
 use super::{CliError, bytes, grouped};
@@ -75,19 +75,33 @@ pub fn field(arguments: FieldArguments) -> Result<ExitCode, CliError> {
     let text = if arguments.work.json {
         let mut line = finished.json(&job);
         line["eigenvalues"] = summary.eigenvalues.iter().take(20).copied().collect();
+        line["certificate"] = summary.certificate;
         format!("{line}\n")
     } else {
         let lowest: Vec<String> = summary.eigenvalues.iter().take(8).map(|value| format!("{value:.5}")).collect();
         format!(
-            "{} faces, {} dimensions, {} numbers a row, {} in {:.2} s\nlowest eigenvalues: {}\n",
+            "{} faces, {} dimensions, {} numbers a row, {} in {:.2} s\nlowest eigenvalues: {}\n{}",
             grouped(finished.mesh.faces.len()),
             grouped(summary.dimension.unwrap_or(0)),
             summary.details["nonzeros_per_row"].as_f64().unwrap_or(0.0).round(),
             bytes(finished.product.stored_bytes()),
             finished.total,
-            lowest.join(", ")
+            lowest.join(", "),
+            errors(&summary.certificate)
         )
     };
     std::io::stdout().write_all(text.as_bytes()).map_err(CliError::stdout)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// How far the lowest eigenvalues are off, as a line.
+fn errors(certificate: &Value) -> String {
+    let accuracy = &certificate["accuracy"];
+    let Some(largest) = accuracy["largest_estimate"].as_f64() else { return String::new() };
+    let judged = certificate["estimates"].as_array().map_or(0, Vec::len);
+    let usual = match accuracy["reached"] == json!(true) {
+        true => "",
+        false => ": these are eigenfields of the space, and not of the surface",
+    };
+    format!("too large by about {:.2} % at most, of the lowest {judged}{usual}\n", 100.0 * largest)
 }

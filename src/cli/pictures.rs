@@ -73,7 +73,7 @@ pub fn hatching(HatchingArguments { picture: arguments }: HatchingArguments) -> 
     let (setting, to) = arguments.stored.fields()?;
     let mut request: HatchingRequest = fitting("--request", with(value, "field", usual_lines(&setting)))?;
     request.field.translate(&to, setting.kind(), vertices(&setting)).map_err(refused)?;
-    request.check_drawing(png).map_err(refused)?;
+    request.check(png).map_err(refused)?;
     let bars = StageBars::new(arguments.quiet);
     let field = request.field.lifted(&setting, &bars).map_err(refused)?;
     let (drawing, lines) = request.drawing(&setting, field, &bars).map_err(refused)?;

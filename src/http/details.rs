@@ -1,6 +1,6 @@
 //! What a basis tells of itself by its kind, as the OpenAPI document describes it; what is sent is what was stored with the basis.
 
-use chladni_spectral::basis::{Certificate, InertiaCount};
+use chladni_spectral::basis::{Certificate, FieldCertificate, InertiaCount};
 use chladni_spectral::operator::OperatorReport;
 use chladni_spectral::operator::elastic::ElasticReport;
 use chladni_spectral::operator::transport::FieldKind;
@@ -253,6 +253,7 @@ pub struct EstimatedModes {
     EigenbasisOperator,
     EigenbasisDetails,
     FieldBasisDetails,
+    FieldCertificate,
     OperatorFamilyDetails,
     VibrationBasisDetails,
     VibrationCertificate,

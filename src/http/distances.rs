@@ -179,6 +179,7 @@ impl From<DistanceFault> for Problem {
     fn from(fault: DistanceFault) -> Self {
         match fault {
             DistanceFault::Between
+            | DistanceFault::Nowhere
             | DistanceFault::Time
             | DistanceFault::NeedsBasis
             | DistanceFault::Inside

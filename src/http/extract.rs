@@ -9,6 +9,7 @@ use chladni_work::packed::Packed;
 use chladni_work::plain;
 use serde::de::DeserializeOwned;
 
+use super::numbering::Took;
 use super::problem::{self, Problem};
 use crate::store::PageRequest;
 
@@ -41,13 +42,46 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for QueryOf<T> {
         match Query::<T>::from_request_parts(parts, state).await {
             Ok(Query(value)) => Ok(Self(value)),
             Err(QueryRejection::FailedToDeserializeQueryString(error)) => {
-                let text = error.body_text();
-                let reason = text.strip_prefix("Failed to deserialize query string: ").unwrap_or(&text);
-                Err(Problem::new(&problem::INVALID_QUERY, format!("The query is invalid: {reason}.")))
+                let also = parts.extensions.get::<Took>().map_or(&[][..], |_| &Took::NAMES);
+                Err(invalid_query(&error.body_text(), parts.uri.query().unwrap_or_default(), also))
             }
             Err(other) => Err(Problem::internal(other)),
         }
     }
+}
+
+/// What is wrong with a query, in words; `also` are parameters that the route takes besides those that were being read.
+pub fn invalid_query(said: &str, query: &str, also: &[&str]) -> Problem {
+    let said = said.strip_prefix("Failed to deserialize query string: ").unwrap_or(said);
+    // The parameter, and what is wrong with it.
+    let named = said.split_once(": ").filter(|(name, _)| name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_'));
+    let (name, reason) = named.unwrap_or((".", said));
+    let pairs = || form_urlencoded::parse(query.as_bytes());
+    let given = || pairs().find(|(own, _)| own == name).map_or(String::new(), |(_, value)| format!(", not {value:?}"));
+    let wanted = match reason {
+        "invalid digit found in string" | "cannot parse integer from empty string" => "a whole number of at least 0",
+        "number too large to fit in target type" => "a smaller whole number",
+        "invalid float literal" | "cannot parse float from empty string" => "a number",
+        "provided string was not `true` or `false`" => "true or false",
+        _ => "",
+    };
+    let told = if !wanted.is_empty() {
+        format!("{name} must be {wanted}{}", given())
+    } else if let Some(unknown) = reason.strip_prefix("unknown field `") {
+        let (unknown, known) = unknown.split_once('`').unwrap_or((unknown, ""));
+        let known = known.split('`').skip(1).step_by(2).chain(also.iter().copied());
+        let known: Vec<String> = known.map(|name| format!("{name:?}")).collect();
+        match known.as_slice() {
+            [] => format!("{unknown:?} is no parameter here; there are none"),
+            [only] => format!("{unknown:?} is no parameter here; the only one is {only}"),
+            [others @ .., last] => {
+                format!("{unknown:?} is no parameter here; there are {} and {last}", others.join(", "))
+            }
+        }
+    } else {
+        plain::told(name, reason)
+    };
+    Problem::new(&problem::INVALID_QUERY, format!("The query is invalid: {told}."))
 }
 
 /// A page request from query parameters.

@@ -35,7 +35,7 @@ const KINDS: [Kind; 6] = [
         name: "field_basis",
         prefix: "FieldBasis",
         operator: None,
-        certificate: None,
+        certificate: Some("FieldCertificate"),
         details: "FieldBasisDetails",
         always: true,
     },

@@ -123,7 +123,7 @@ problems!(VerifyBasisProblems: SOLVE [BODY_TOO_LARGE, INVALID_ANALYSIS]);
 /// Nothing of a solver takes part: the operator or the elastic object is assembled anew, or the matrices of the problem are read again, residuals and
 /// inner products are summed from the functions as they are stored, and where the basis claims to be complete its eigenvalues are counted by another
 /// factorisation. The answer is a receipt, as `chladni verify --receipt` writes it. Of vibration modes its eigenvalues, bounds, distances and shifts
-/// are squared angular frequencies, in 1/time². Bases of fields for design, families of operators and maps have no certificate, and nothing to be
+/// are squared angular frequencies, in 1/time². Of bases of fields for design, families of operators and maps nothing is proven, and there is nothing to be
 /// judged.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/verification", tag = "bases", operation_id = "verifyBasis",

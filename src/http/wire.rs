@@ -429,8 +429,9 @@ pub struct BasisResource {
     /// how many vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
     #[schema(value_type = Option<Object>)]
     pub operator: Value,
-    /// What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped.
-    /// Null where nothing is.
+    /// What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped. Of a field
+    /// basis: of the lowest eigenvalues `estimates` of their errors, `bounds`, and whether they are as good as is usual, in `accuracy`. Null where
+    /// nothing is.
     #[schema(value_type = Option<Object>)]
     pub certificate: Value,
     /// What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the harmonic fields

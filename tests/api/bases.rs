@@ -228,3 +228,36 @@ async fn modes_come_as_npy_as_numbers_and_as_colours() {
     }
     problem(app.get(&format!("{url}?from=-1")).send().await.unwrap(), 400, "invalid-query").await;
 }
+
+#[tokio::test]
+async fn kinds_that_do_not_exist_are_refused_in_lists() {
+    let app = TestApp::start();
+    for list in ["bases", "jobs"] {
+        let refused = app.get(&format!("/v1/{list}?kind=foo")).send().await.unwrap();
+        let told = problem(refused, 400, "invalid-query").await;
+        let detail = text(&told["detail"]);
+        assert!(detail.contains("\"foo\"") && detail.contains("field_basis"), "{detail}");
+        let known = app.get(&format!("/v1/{list}?kind=field_basis")).send().await.unwrap();
+        assert_eq!(known.status(), 200);
+    }
+}
+
+#[tokio::test]
+async fn queries_are_refused_in_words() {
+    let app = TestApp::start();
+    let basis = app.basis().await;
+    for (query, words) in [
+        ("from=-1", r#"from must be a whole number of at least 0, not "-1"."#),
+        ("from=99999999999999999999999", r#"from must be a smaller whole number, not "99999999999999999999999"."#),
+        ("dtype=f16", r#"dtype must be "f32" or "f64", got "f16"."#),
+        ("numbering=mine", r#"numbering must be "file" or "kept", got "mine"."#),
+        (
+            "foo=1",
+            r#""foo" is no parameter here; there are "from", "to", "format", "dtype", "numbering" and "extend"."#,
+        ),
+    ] {
+        let refused = app.get(&format!("/v1/bases/{basis}/modes?{query}")).send().await.unwrap();
+        let told = problem(refused, 400, "invalid-query").await;
+        assert_eq!(text(&told["detail"]), format!("The query is invalid: {words}"));
+    }
+}

@@ -354,9 +354,11 @@ export interface paths {
         };
         /**
          * Gets approximate eigenfields
-         * @description The lowest fields of the Laplacian of the basis, restricted to its space, of unit norm on the surface of unit area. Their eigenvalues are
-         *     `eigenvalues` of the basis: exact ones lie below them. By `Accept`: `application/x-npy` (the default), an array of fields × faces × numbers
-         *     for `numpy.load`; `application/octet-stream`, the same little-endian f32 without a header.
+         * @description The lowest fields of the Laplacian of the basis, restricted to its space, of unit norm on the surface of unit area. Their eigenvalues, in
+         *     `Chladni-Eigenvalues` (of up to 256 fields), are `eigenvalues` of the basis: exact ones lie below them, by about `certificate.estimates`. With `refine` they are
+         *     corrected by multigrid among all fields of the surface, at most the lowest 256: the fields and their eigenvalues are then those of the surface, to
+         *     a tolerance, and `Chladni-Estimates` says by about how much each value still lies above the exact one. By `Accept`: `application/x-npy` (the
+         *     default), an array of fields × faces × numbers for `numpy.load`; `application/octet-stream`, the same little-endian f32 without a header.
          */
         get: operations["getEigenfields"];
         put?: never;
@@ -672,7 +674,7 @@ export interface paths {
          * @description Nothing of a solver takes part: the operator or the elastic object is assembled anew, or the matrices of the problem are read again, residuals and
          *     inner products are summed from the functions as they are stored, and where the basis claims to be complete its eigenvalues are counted by another
          *     factorisation. The answer is a receipt, as `chladni verify --receipt` writes it. Of vibration modes its eigenvalues, bounds, distances and shifts
-         *     are squared angular frequencies, in 1/time². Bases of fields for design, families of operators and maps have no certificate, and nothing to be
+         *     are squared angular frequencies, in 1/time². Of bases of fields for design, families of operators and maps nothing is proven, and there is nothing to be
          *     judged.
          */
         post: operations["verifyBasis"];
@@ -2226,7 +2228,7 @@ export interface components {
          * @description The kinds of defect.
          * @enum {string}
          */
-        DefectKind: "index_out_of_range" | "non_finite" | "out_of_range" | "repeated_vertex" | "zero_area" | "duplicate_face" | "unreferenced_vertex" | "equal_position" | "non_manifold_edge" | "non_manifold_vertex" | "inconsistent_orientation" | "triangle_off_boundary" | "boundary_not_given";
+        DefectKind: "index_out_of_range" | "non_finite" | "out_of_range" | "repeated_vertex" | "zero_area" | "duplicate_face" | "unreferenced_vertex" | "equal_position" | "non_manifold_edge" | "non_manifold_vertex" | "inconsistent_orientation" | "triangle_off_boundary" | "boundary_not_given" | "off_surface";
         /** @description Functions that are known on both surfaces. */
         Descriptors: {
             /** @description On the source: a row for each vertex. */
@@ -2413,8 +2415,9 @@ export interface components {
         /** @description A stored basis. Of the kind `eigenbasis`. */
         EigenbasisBasisResource: components["schemas"]["EigenbasisBasisSummary"] & {
             /**
-             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped.
-             *     Null where nothing is.
+             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped. Of a field
+             *     basis: of the lowest eigenvalues `estimates` of their errors, `bounds`, and whether they are as good as is usual, in `accuracy`. Null where
+             *     nothing is.
              */
             certificate: components["schemas"]["Certificate"];
             /**
@@ -3049,13 +3052,29 @@ export interface components {
          * @enum {string}
          */
         FieldAccuracy: "standard" | "accurate";
+        /** @description How near the lowest approximate eigenfields come to what is usual. */
+        FieldAccuracyReport: {
+            /**
+             * Format: double
+             * @description The largest relative error of an eigenvalue that is usual on fair triangles.
+             */
+            goal: number;
+            /**
+             * Format: double
+             * @description The largest estimated error, as a share of the exact eigenvalue, fields without energy apart.
+             */
+            largest_estimate: number;
+            /** @description Whether that is at most the goal. Where it is false, such fields are eigenfields of the space and not of the surface. */
+            reached: boolean;
+        };
         /** @description A stored basis. Of the kind `field_basis`. */
         FieldBasisBasisResource: components["schemas"]["FieldBasisBasisSummary"] & {
             /**
-             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped.
-             *     Null where nothing is.
+             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped. Of a field
+             *     basis: of the lowest eigenvalues `estimates` of their errors, `bounds`, and whether they are as good as is usual, in `accuracy`. Null where
+             *     nothing is.
              */
-            certificate: Record<string, never> | null;
+            certificate: components["schemas"]["FieldCertificate"] | null;
             /**
              * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the harmonic fields
              *     of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how consistent
@@ -3171,6 +3190,12 @@ export interface components {
              * @example 2000
              */
             dimension?: number | null;
+            /**
+             * @description Of how many of the lowest eigenfields, besides those without energy, the errors are estimated: without it of 8, on surfaces of more than 270,000
+             *     faces of fewer. 0: of none.
+             * @example 8
+             */
+            estimates?: number | null;
             /** @description Fields to derive the weights from: two or three numbers per face each, in the frames of the faces. */
             examples?: number[][] | null;
             /** @description What is stored in a face. By default `"vector"`. */
@@ -3211,6 +3236,12 @@ export interface components {
              * @example 2000
              */
             dimension?: number | null;
+            /**
+             * @description Of how many of the lowest eigenfields, besides those without energy, the errors are estimated: without it of 8, on surfaces of more than 270,000
+             *     faces of fewer. 0: of none.
+             * @example 8
+             */
+            estimates?: number | null;
             examples?: ((number[] | components["schemas"]["AbbreviatedList"])[] | null) | components["schemas"]["AbbreviatedList"];
             /** @description What is stored in a face. */
             field?: components["schemas"]["FieldName"];
@@ -3243,6 +3274,18 @@ export interface components {
          * @enum {string}
          */
         FieldBoundary: "tangential" | "normal" | "clamped";
+        /** @description What is known of the lowest approximate eigenfields of a field basis. Lengths are those of the input. */
+        FieldCertificate: {
+            /** @description How near they come to what is usual. */
+            accuracy: components["schemas"]["FieldAccuracyReport"];
+            /** @description For each of them: some exact eigenvalue lies within this of its eigenvalue, in 1/length², up to rounding; null where no such bound is known. */
+            bounds: (number | null)[];
+            /**
+             * @description For each of the lowest eigenfields, as many as were judged, about how far its eigenvalue lies above the exact one of the same index, in
+             *     1/length².
+             */
+            estimates: number[];
+        };
         /**
          * @description How columns are constructed.
          * @enum {string}
@@ -4290,8 +4333,9 @@ export interface components {
         /** @description A stored basis. Of the kind `map_collection`. */
         MapCollectionBasisResource: components["schemas"]["MapCollectionBasisSummary"] & {
             /**
-             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped.
-             *     Null where nothing is.
+             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped. Of a field
+             *     basis: of the lowest eigenvalues `estimates` of their errors, `bounds`, and whether they are as good as is usual, in `accuracy`. Null where
+             *     nothing is.
              */
             certificate: Record<string, never> | null;
             /**
@@ -4795,8 +4839,9 @@ export interface components {
         /** @description A stored basis. Of the kind `operator_family`. */
         OperatorFamilyBasisResource: components["schemas"]["OperatorFamilyBasisSummary"] & {
             /**
-             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped.
-             *     Null where nothing is.
+             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped. Of a field
+             *     basis: of the lowest eigenvalues `estimates` of their errors, `bounds`, and whether they are as good as is usual, in `accuracy`. Null where
+             *     nothing is.
              */
             certificate: Record<string, never> | null;
             /**
@@ -5059,8 +5104,9 @@ export interface components {
         /** @description A stored basis. Of the kind `pencil_basis`. */
         PencilBasisBasisResource: components["schemas"]["PencilBasisBasisSummary"] & {
             /**
-             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped.
-             *     Null where nothing is.
+             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped. Of a field
+             *     basis: of the lowest eigenvalues `estimates` of their errors, `bounds`, and whether they are as good as is usual, in `accuracy`. Null where
+             *     nothing is.
              */
             certificate: components["schemas"]["Certificate"];
             /**
@@ -6503,8 +6549,9 @@ export interface components {
         /** @description A stored basis. Of the kind `vibration_basis`. */
         VibrationBasisBasisResource: components["schemas"]["VibrationBasisBasisSummary"] & {
             /**
-             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped.
-             *     Null where nothing is.
+             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped. Of a field
+             *     basis: of the lowest eigenvalues `estimates` of their errors, `bounds`, and whether they are as good as is usual, in `accuracy`. Null where
+             *     nothing is.
              */
             certificate: components["schemas"]["VibrationCertificate"] | null;
             /**
@@ -8056,6 +8103,11 @@ export interface operations {
                  */
                 numbering?: "file" | "kept";
                 /**
+                 * @description Corrects the fields among all fields of the surface until their eigenvalues are estimated to be right to this share of them: 1e-10 to below 1.
+                 * @example 0.001
+                 */
+                refine?: number;
+                /**
                  * @description One past the last field; without it, the one after `from`.
                  * @example 4
                  */
@@ -8078,6 +8130,8 @@ export interface operations {
                 headers: {
                     "Chladni-Columns"?: number;
                     "Chladni-Dtype"?: string;
+                    "Chladni-Eigenvalues"?: string;
+                    "Chladni-Estimates"?: string;
                     "Chladni-Rows"?: number;
                     [name: string]: unknown;
                 };
@@ -8086,7 +8140,7 @@ export interface operations {
                     "application/x-npy": Blob;
                 };
             };
-            /** @description A problem: invalid-query */
+            /** @description A problem: invalid-query, damaged-content-encoding or body-incomplete */
             400: {
                 headers: {
                     [name: string]: unknown;
@@ -8115,6 +8169,15 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
+            /** @description A problem: body-too-slow */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             /** @description A problem: basis-kind or basis-without-mesh */
             409: {
                 headers: {
@@ -8124,7 +8187,25 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A problem: invalid-mode-range or invalid-design */
+            /** @description A problem: body-too-large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: unsupported-content-encoding */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A problem: invalid-mode-range, invalid-design or no-field-surface */
             422: {
                 headers: {
                     [name: string]: unknown;

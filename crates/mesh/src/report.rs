@@ -177,6 +177,8 @@ pub enum DefectKind {
     TriangleOffBoundary,
     /// The file has triangles and tetrahedra, and a side of this tetrahedron that has no neighbour is not among the triangles.
     BoundaryNotGiven,
+    /// Of points without faces: the nearest neighbours of this one fill space, and lie on no surface, or on one that is folded within their distance.
+    OffSurface,
 }
 
 impl DefectKind {
@@ -187,6 +189,7 @@ impl DefectKind {
             | Self::OutOfRange
             | Self::UnreferencedVertex
             | Self::EqualPosition
+            | Self::OffSurface
             | Self::NonManifoldVertex => Element::Vertex,
             Self::IndexOutOfRange
             | Self::RepeatedVertex
@@ -216,6 +219,7 @@ impl fmt::Display for DefectKind {
             Self::InconsistentOrientation => "edges between faces of opposite orientation",
             Self::TriangleOffBoundary => "triangles that are not on the boundary of the tetrahedra",
             Self::BoundaryNotGiven => "boundary triangles of tetrahedra that the file does not give",
+            Self::OffSurface => "points whose neighbours lie on no surface",
         })
     }
 }

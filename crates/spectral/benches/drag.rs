@@ -2,18 +2,18 @@
 //! the second, and the median and the 95th percentile of those after, over the number of constrained faces; on a sphere of 82,000 faces, vector
 //! fields.
 //!
-//! `CHLADNI_DRAG_DIMENSION` (2000), `CHLADNI_DRAG_FACES` (60,240,600,1200,2000).
+//! `CHLADNI_DRAG_DIMENSION` (2000), `CHLADNI_DRAG_FACES` (60,240,600,1200,2000), `CHLADNI_DRAG_MOVING` (60), `CHLADNI_DRAG_EXACT` (constraints are met
+//! exactly), `CHLADNI_DRAG_SPARSE` (a sparse factor takes the place of Ritz coordinates, as it does beyond 8,192 dimensions).
 
 use std::time::Instant;
 
 use chladni_base::Unwatched;
 use chladni_mesh::shape::{Shape, generate, noisy};
 use chladni_spectral::field::{
-    Constraint, DesignModel, EnergyWeights, FieldParameters, FieldSurface, Hold, field_basis,
+    Constraint, DesignModel, EnergyWeights, FieldParameters, FieldSurface, Hold, MOST_DIMENSIONS, field_basis,
 };
 use chladni_spectral::operator::transport::FieldKind;
 
-const MOVING: usize = 60;
 const FRAMES: usize = 40;
 
 fn main() {
@@ -23,7 +23,13 @@ fn main() {
     let mesh = noisy(&generate(Shape::Sphere, 41_000).unwrap(), 0.2, 0).unwrap();
     let surface = FieldSurface::new(mesh).unwrap();
     let basis = field_basis(&surface, &FieldParameters::new(FieldKind::Vector {}, dimension), &Unwatched).unwrap();
-    let model = DesignModel::new(&basis, &Unwatched).unwrap();
+    let set = |name: &str| std::env::var_os(name).is_some();
+    let moving = setting("CHLADNI_DRAG_MOVING", "60").parse().expect("a number of faces");
+    let hold = if set("CHLADNI_DRAG_EXACT") { Hold::Exact } else { Hold::Strength(1.0) };
+    let model = match set("CHLADNI_DRAG_SPARSE") || basis.space.dimension() > MOST_DIMENSIONS {
+        true => DesignModel::sparse(&basis),
+        false => DesignModel::new(&basis, &Unwatched).unwrap(),
+    };
     println!("| faces | first | second | median | p95 |\n|---|---|---|---|---|");
     for count in counts.split(',').map(|count| count.parse::<usize>().expect("a number of faces")) {
         let weighted = model.weighted(EnergyWeights::default(), None).unwrap();
@@ -31,7 +37,7 @@ fn main() {
             .map(|k| Constraint {
                 face: (k * surface.faces() / count) as u32,
                 value: [(k as f64).cos(), (k as f64).sin(), 0.0],
-                hold: Hold::Strength(1.0),
+                hold,
             })
             .collect();
         let mut times = Vec::with_capacity(FRAMES);
@@ -39,7 +45,7 @@ fn main() {
             let begun = Instant::now();
             weighted.solve(&basis, &constraints).unwrap();
             times.push(1e3 * begun.elapsed().as_secs_f64());
-            constraints.iter_mut().take(MOVING).for_each(|c| c.face = (c.face + 3) % surface.faces() as u32);
+            constraints.iter_mut().take(moving).for_each(|c| c.face = (c.face + 3) % surface.faces() as u32);
         }
         let (first, second) = (times[0], times[1]);
         times.drain(..2);

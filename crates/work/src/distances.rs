@@ -82,6 +82,9 @@ pub enum DistanceFault {
     /// It is not clear between what.
     #[error("either sources or pairs are needed, not both")]
     Between,
+    /// There is nothing to measure from.
+    #[error("either sources or pairs are needed, and neither is given")]
+    Nowhere,
     /// Nothing flows.
     #[error("time: exact geodesic distances take no time step")]
     Time,
@@ -197,10 +200,12 @@ impl DistanceRequest {
     /// Checks what neither mesh nor basis is needed for.
     ///
     /// # Errors
-    /// [`DistanceFault::Between`], [`DistanceFault::Time`].
+    /// [`DistanceFault::Between`], [`DistanceFault::Nowhere`], [`DistanceFault::Time`].
     pub fn check(&self) -> Result<(), DistanceFault> {
-        if self.sources.is_empty() == self.pairs.is_empty() {
-            return Err(DistanceFault::Between);
+        match (self.sources.is_empty(), self.pairs.is_empty()) {
+            (true, true) => return Err(DistanceFault::Nowhere),
+            (false, false) => return Err(DistanceFault::Between),
+            _ => {}
         }
         match self.distance {
             DistanceKind::Geodesic { method: GeodesicMethod::Exact, time: Some(_) } => Err(DistanceFault::Time),

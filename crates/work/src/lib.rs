@@ -48,14 +48,14 @@ pub use field_basis::{FieldBasisParameters, FieldConstruction, FieldName};
 pub use idle::{IDLE, IdleParameters};
 pub use map_collection::{MapCollectionParameters, StoredShape};
 
-use chladni_spectral::field::{DesignError, FieldError};
+use chladni_spectral::field::{DesignError, FieldError, RefineError};
 pub use operator_family::OperatorFamilyParameters;
 pub use pencil_basis::{PencilBasisParameters, ProblemSize};
 pub use provenance::{Provenance, ProvenanceError};
 pub use vibration_basis::{VibrationBasisParameters, VibrationMethodName};
 
 /// The version of the solvers: it enters the key of equal work, so that a better solver does not answer with old results.
-pub const SOLVER_VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "+12");
+pub const SOLVER_VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "+13");
 
 /// The names of all kinds of job that work on a mesh.
 pub const MESH_KINDS: &[&str] = &["eigenbasis", "field_basis", "operator_family", "vibration_basis"];
@@ -131,6 +131,9 @@ pub enum JobError {
     /// The eigenproblem in the space of fields failed.
     #[error(transparent)]
     Ritz(DesignError),
+    /// Eigenfields cannot be judged.
+    #[error(transparent)]
+    Judged(RefineError),
     /// The vibration modes could not be computed.
     #[error(transparent)]
     Vibration(VibrationError),
@@ -154,6 +157,17 @@ impl From<FieldError> for JobError {
     }
 }
 
+impl From<RefineError> for JobError {
+    fn from(error: RefineError) -> Self {
+        match error {
+            RefineError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            RefineError::Operator(error) => error.into(),
+            RefineError::Design(error) => error.into(),
+            other => Self::Judged(other),
+        }
+    }
+}
+
 impl JobError {
     /// A stable identifier of the failure, in kebab case.
     pub fn kind(&self) -> &'static str {
@@ -171,7 +185,7 @@ impl JobError {
             Self::Field(FieldError::Harmonic(_)) => "harmonic-fields-failed",
             Self::Field(FieldError::Restriction(_)) => "restriction-failed",
             Self::Field(_) => "subspace-failed",
-            Self::Ritz(_) => "eigenproblem-failed",
+            Self::Ritz(_) | Self::Judged(_) => "eigenproblem-failed",
             Self::Vibration(error) => error.kind(),
             Self::Pencil(error) => error.kind(),
             Self::Analysis(AnalysisError::Basis(_)) => "basis-unavailable",

@@ -344,6 +344,13 @@ impl Work for VibrationBasisParameters {
         solid: Option<&TetMesh>,
         monitor: &dyn Monitor,
     ) -> Result<Product, JobError> {
+        let held = |corner: &u32| self.clamped.binary_search(corner).is_ok();
+        let holds = |face: &[u32; 3]| face.iter().filter(|&corner| held(corner)).count() > 1;
+        if self.clamped_rotations && !mesh.faces.iter().any(holds) {
+            let reason =
+                "no two of the clamped vertices are the ends of an edge, so that no rotation is held".to_owned();
+            return Err(value("clamped_rotations", reason).into());
+        }
         Ok(vibration_modes(self.body(mesh, solid)?, &self.vibration(), monitor)?.into())
     }
 }
@@ -369,6 +376,22 @@ mod tests {
         assert_eq!(VibrationBasisParameters::parse(&parameters.canonical()).unwrap(), parameters);
         let hsim = VibrationBasisParameters::parse(&Value::Null).unwrap();
         assert_eq!(VibrationBasisParameters::parse(&hsim.canonical()).unwrap(), hsim);
+    }
+
+    #[test]
+    fn rotations_are_held_along_edges_alone() {
+        use chladni_base::Unwatched;
+        use chladni_mesh::shape::{Shape, generate};
+        let mesh = generate(Shape::Sphere, 162).unwrap();
+        let [a, b, c] = mesh.faces[0];
+        let apart = (0..162).find(|&v| !mesh.faces.iter().any(|face| face.contains(&a) && face.contains(&v))).unwrap();
+        let run = |clamped: [u32; 2]| {
+            let given = json!({"count": 3, "thickness": 0.1, "clamped": clamped, "clamped_rotations": true});
+            VibrationBasisParameters::parse(&given).unwrap().run(&mesh, &Unwatched).map(drop)
+        };
+        assert!(run([a, b]).is_ok() && run([c, b]).is_ok());
+        let refused = run([a, apart]).unwrap_err().to_string();
+        assert!(refused.contains("clamped_rotations") && refused.contains("edge"), "{refused}");
     }
 
     /// The size of the thesis' figure 2.14.

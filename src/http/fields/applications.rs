@@ -143,8 +143,8 @@ async fn hatch(
     let drawn = accepted != JSON;
     let mut request: HatchingRequest = read(&state, &headers, content).await?;
     let mut memory = state.memory();
+    request.check(accepted == PNG)?;
     if drawn {
-        request.check_drawing(accepted == PNG)?;
         body::reserve(&mut memory, request.bytes())?;
     }
     let loaded = LoadedBasis::load(&state, id).await?;

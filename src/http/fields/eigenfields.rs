@@ -1,8 +1,11 @@
 //! `GET /bases/{id}/eigenfields`: approximate eigenfields on the faces.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use axum::http::HeaderMap;
+use chladni_base::Monitor;
+use chladni_spectral::field::{EigenfieldGoal, FullSpace, LowestFields, RefineError};
 use chladni_spectral::formats::npz;
 use chladni_work::design::{Form, written as written_as};
 use serde::Deserialize;
@@ -11,7 +14,9 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::octets;
-use super::solve::LoadedBasis;
+use super::patience::Patience;
+use super::solve::{self, LoadedBasis, PATIENCE};
+use crate::http::body;
 use crate::http::client::ClientState;
 use crate::http::docs::Binary;
 use crate::http::exchange::{Answer, OCTETS};
@@ -20,6 +25,7 @@ use crate::http::ids::BasisId;
 use crate::http::numbering::{Numbered, NumberingQuery};
 use crate::http::problem::{self, Problem};
 use crate::http::problems::problems;
+use crate::http::shares::Share;
 use crate::http::state::AppState;
 
 /// The route of eigenfields.
@@ -31,6 +37,9 @@ const NPY: &str = "application/x-npy";
 
 /// The most bytes of one answer.
 const MOST_BYTES: usize = 256 << 20;
+
+/// The most fields that one request refines, those below the first included.
+const MOST_REFINED: usize = 256;
 
 /// Which fields, and how to write them.
 #[derive(Debug, Deserialize, IntoParams)]
@@ -48,21 +57,26 @@ struct EigenfieldsQuery {
     #[serde(default)]
     #[param(inline, default = "world")]
     form: Form,
+    /// Corrects the fields among all fields of the surface until their eigenvalues are estimated to be right to this share of them: 1e-10 to below 1.
+    #[param(minimum = 1e-10, example = 0.001)]
+    refine: Option<f64>,
 }
 
-problems!(GetEigenfieldsProblems: SOLVE [INVALID_RANGE_OF_MODES, INVALID_DESIGN]);
+problems!(GetEigenfieldsProblems: SOLVE BODY [INVALID_RANGE_OF_MODES, INVALID_DESIGN, NO_FIELD_SURFACE]);
 
 /// Gets approximate eigenfields
 ///
-/// The lowest fields of the Laplacian of the basis, restricted to its space, of unit norm on the surface of unit area. Their eigenvalues are
-/// `eigenvalues` of the basis: exact ones lie below them. By `Accept`: `application/x-npy` (the default), an array of fields × faces × numbers
-/// for `numpy.load`; `application/octet-stream`, the same little-endian f32 without a header.
+/// The lowest fields of the Laplacian of the basis, restricted to its space, of unit norm on the surface of unit area. Their eigenvalues, in
+/// `Chladni-Eigenvalues` (of up to 256 fields), are `eigenvalues` of the basis: exact ones lie below them, by about `certificate.estimates`. With `refine` they are
+/// corrected by multigrid among all fields of the surface, at most the lowest 256: the fields and their eigenvalues are then those of the surface, to
+/// a tolerance, and `Chladni-Estimates` says by about how much each value still lies above the exact one. By `Accept`: `application/x-npy` (the
+/// default), an array of fields × faces × numbers for `numpy.load`; `application/octet-stream`, the same little-endian f32 without a header.
 #[utoipa::path(
     get, path = "/v1/bases/{id}/eigenfields", tag = "fields", operation_id = "getEigenfields",
     params(BasisId, NumberingQuery, EigenfieldsQuery),
     responses(
         (status = 200, description = "The fields", content((Binary = "application/x-npy"), (Binary = "application/octet-stream")),
-            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String))),
+            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Chladni-Eigenvalues" = String), ("Chladni-Estimates" = String))),
         GetEigenfieldsProblems,
     ),
     security(("bearer" = ["read"]))
@@ -93,22 +107,88 @@ async fn eigenfields(
             to - from
         ));
     }
-    state
-        .solve("eigenfields", move |monitor| {
-            let columns = form.columns(kind);
-            let mut bytes = if npy { npz::npy("<f4", false, &[to - from, faces, columns], &[]) } else { Vec::new() };
+    let area = loaded.fields.basis.area;
+    let written = move |loaded: &LoadedBasis, bytes: &mut Vec<u8>, field: Vec<f32>| {
+        let written = written_as(loaded.surface.surface.frames(), kind, form, field);
+        bytes.extend_from_slice(&octets::to_bytes(via.push_faces(&written, form.columns(kind))));
+    };
+    let head =
+        move || if npy { npz::npy("<f4", false, &[to - from, faces, form.columns(kind)], &[]) } else { Vec::new() };
+    let answer = move |bytes: Vec<u8>, values: &mut dyn Iterator<Item = f64>| {
+        let answer = Answer::new(bytes, if npy { NPY } else { OCTETS }, begin)
+            .with("chladni-rows", faces)
+            .with("chladni-columns", form.columns(kind))
+            .with("chladni-dtype", "f32")
+            .with("chladni-form", form.name());
+        // Clients have limits on headers.
+        if to - from <= MOST_REFINED { answer.with("chladni-eigenvalues", listed(values, area)) } else { answer }
+    };
+    let Some(tolerance) = query.refine else {
+        let lift = move |monitor: &dyn Monitor| {
+            let mut bytes = head();
             bytes.reserve_exact((to - from) * one);
             for k in from..to {
                 monitor.checkpoint()?;
                 let field = loaded.lift(&model.eigenfield(k))?;
-                let written = written_as(loaded.surface.surface.frames(), kind, form, field);
-                bytes.extend_from_slice(&octets::to_bytes(via.push_faces(&written, columns)));
+                written(&loaded, &mut bytes, field);
             }
-            Ok(Answer::new(bytes, if npy { NPY } else { OCTETS }, begin)
-                .with("chladni-rows", faces)
-                .with("chladni-columns", columns)
-                .with("chladni-dtype", "f32")
-                .with("chladni-form", form.name()))
-        })
-        .await
+            Ok(answer(bytes, &mut model.values()[from..to].iter().copied()))
+        };
+        return state.solve("eigenfields", lift).await;
+    };
+    let (full, together, memory) = whole(&state, &loaded, (to, count), tolerance).await?;
+    let correct = move |monitor: &dyn Monitor| {
+        let _memory = memory;
+        let lifted = |k: usize| Ok(loaded.lift(&model.eigenfield(k))?.into_iter().map(f64::from).collect());
+        let start = (0..together).map(lifted).collect::<Result<Vec<Vec<f64>>, Problem>>()?;
+        let patience = Patience::new(Instant::now(), PATIENCE, monitor);
+        let found = full.eigenfields(start, to, EigenfieldGoal::Tolerance(tolerance), &patience);
+        let found =
+            found.map_err(|error| if let RefineError::Cancelled(_) = error { too_long() } else { error.into() })?;
+        if !found.reached {
+            return Err(RefineError::NotConverged { tolerance }.into());
+        }
+        let mut bytes = head();
+        bytes.reserve_exact((to - from) * one);
+        let lacking = || Problem::internal("eigenfields of a basis that depend on each other");
+        let own = found.fields.get(from..to).ok_or_else(lacking)?;
+        for one in own {
+            written(&loaded, &mut bytes, one.field.iter().map(|&x| x as f32).collect());
+        }
+        Ok(answer(bytes, &mut own.iter().map(|own| own.value))
+            .with("chladni-estimates", listed(&mut own.iter().map(|own| own.left), area)))
+    };
+    state.solve("eigenfields", correct).await
+}
+
+/// Values on unit area in 1/length² of the mesh, as a header has them.
+fn listed(values: &mut dyn Iterator<Item = f64>, area: f64) -> String {
+    values.map(|value| (value / area).to_string()).collect::<Vec<_>>().join(", ")
+}
+
+/// All fields of the surface, how many fields are corrected together, and the memory that they take.
+async fn whole(
+    state: &ClientState,
+    loaded: &LoadedBasis,
+    (to, count): (usize, usize),
+    tolerance: f64,
+) -> Result<(Arc<FullSpace>, usize, Share), Problem> {
+    FullSpace::check_tolerance(tolerance)?;
+    if to > MOST_REFINED {
+        let detail = format!("Fields up to {to} were requested; the lowest {MOST_REFINED} can be refined.");
+        return Err(Problem::new(&problem::INVALID_RANGE_OF_MODES, detail).with("count", count));
+    }
+    let together = LowestFields::together(to, count);
+    let mut memory = state.memory();
+    body::reserve(&mut memory, LowestFields::bytes(together, loaded.fields.rows()))?;
+    Ok((solve::full_space(state, loaded).await?, together, memory))
+}
+
+/// Fields that are not corrected in time.
+fn too_long() -> Problem {
+    Problem::within(
+        &problem::INVALID_DESIGN,
+        "refine",
+        "The eigenfields were not corrected within the time of a request; ask for fewer, or for a larger tolerance.",
+    )
 }

@@ -21,8 +21,8 @@ use crate::http::body;
 use crate::http::client::ClientState;
 use crate::http::problem::{self, Problem};
 
-/// How long a design is refined within a request.
-const PATIENCE: Duration = Duration::from_secs(60);
+/// How long fields are refined within a request.
+pub const PATIENCE: Duration = Duration::from_secs(60);
 
 /// About the bytes of all levels for each face and number of a block of them.
 const LEVEL_BYTES: u64 = 150;
@@ -107,15 +107,7 @@ pub async fn design(state: &ClientState, loaded: &LoadedBasis, request: &DesignR
     let (block, faces) = (loaded.kind().block() as u64, loaded.surface.surface.faces() as u64);
     let full: Option<Arc<FullSpace>> = match request.needs_full_space() {
         false => None,
-        true => {
-            let own = loaded.clone();
-            let (mut memory, levels) = (state.memory(), LEVEL_BYTES * block * block * faces);
-            let make = move |monitor: &dyn Monitor| {
-                body::reserve(&mut memory, levels)?;
-                Ok(own.full_space(monitor)?)
-            };
-            Some(cache::kept(state, "full-space", &loaded.id, make).await?)
-        }
+        true => Some(full_space(state, loaded).await?),
     };
     let mut memory = state.memory();
     if full.is_some() {
@@ -132,6 +124,21 @@ pub async fn design(state: &ClientState, loaded: &LoadedBasis, request: &DesignR
         Ok(loaded.exactly(exact, designed))
     };
     state.solve("design", solve).await
+}
+
+/// All fields of the surface of a basis, which are kept.
+///
+/// # Errors
+/// What [`Setting::full_space`] says, and that there is no memory.
+pub async fn full_space(state: &ClientState, loaded: &LoadedBasis) -> Result<Arc<FullSpace>, Problem> {
+    let (block, faces) = (loaded.kind().block() as u64, loaded.surface.surface.faces() as u64);
+    let own = loaded.clone();
+    let (mut memory, levels) = (state.memory(), LEVEL_BYTES * block * block * faces);
+    let make = move |monitor: &dyn Monitor| {
+        body::reserve(&mut memory, levels)?;
+        Ok(own.full_space(monitor)?)
+    };
+    cache::kept(state, "full-space", &loaded.id, make).await
 }
 
 /// A design that is not refined in time.

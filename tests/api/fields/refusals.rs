@@ -98,6 +98,16 @@ async fn what_cannot_be_designed_is_a_problem_that_names_it() {
         ("hatching", "image/svg+xml", json!({"field": field, "tone": {"light": [0, 0, 0]}}), "invalid-design/light"),
         ("hatching", "image/svg+xml", json!({"field": field, "tone": {"highlight": 1.5}}), "invalid-design/hatching"),
         ("hatching", "application/json", json!({"field": field, "levels": 9}), "invalid-design/hatching"),
+        // What no drawing could be made of is refused where lines alone are asked for, too.
+        ("hatching", "application/json", json!({"field": field, "stroke": -1.0}), "invalid-design/hatching"),
+        ("hatching", "application/json", json!({"field": field, "outline": 1e308}), "invalid-design/hatching"),
+        ("hatching", "application/json", json!({"field": field, "camera": {"width": 0}}), "invalid-design/camera"),
+        (
+            "hatching",
+            "application/json",
+            json!({"field": field, "camera": {"eye": [0, 0, 1], "target": [0, 0, 1]}}),
+            "invalid-design/camera",
+        ),
         ("hatching", "image/svg+xml", json!({"field": field, "pen": "quill"}), "invalid-request"),
         ("fur", "application/json", json!({"field": field, "length": 0.1, "gravity": 0.5}), "invalid-design/fur"),
         (

@@ -138,3 +138,69 @@ async fn faces_are_those_of_the_file() {
         problem(refused, 422, "invalid-design/face").await;
     }
 }
+
+/// A torus of quads as OBJ, `m` around and `n` across.
+fn quads(m: usize, n: usize) -> String {
+    let mut obj = String::new();
+    let angle = |k: usize, of: usize| std::f64::consts::TAU * k as f64 / of as f64;
+    for i in 0..m {
+        for j in 0..n {
+            let r = 2.0 + angle(j, n).cos();
+            obj += &format!("v {} {} {}\n", r * angle(i, m).cos(), r * angle(i, m).sin(), angle(j, n).sin());
+        }
+    }
+    for i in 0..m {
+        for j in 0..n {
+            let at = |i: usize, j: usize| (i % m) * n + j % n + 1;
+            obj += &format!("f {} {} {} {}\n", at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
+        }
+    }
+    obj
+}
+
+#[tokio::test]
+async fn a_polygon_has_the_frame_and_the_numbers_of_its_first_triangle() {
+    let app = app();
+    let mesh = app.upload("obj", quads(16, 10).into_bytes()).await;
+    let id = text(&mesh["id"]);
+    let parts = app.get(&format!("/v1/meshes/{id}/face-map?of=file")).send().await.unwrap();
+    let parts: Value = parts.json().await.unwrap();
+    let first: Vec<usize> = numbers(&parts["map"]).into_iter().map(|face| face as usize).collect();
+    assert_eq!((first.len(), &mesh["faces"]), (160, &json!(320)), "{parts}");
+    let of_first = |values: &[f64], width: usize| -> Vec<f64> {
+        first.iter().flat_map(|&face| values[width * face..width * (face + 1)].to_vec()).collect()
+    };
+
+    let frames = raw(app.get(&format!("/v1/meshes/{id}/frames"))).await;
+    let kept = raw(app.get(&format!("/v1/meshes/{id}/frames?numbering=kept"))).await;
+    assert_close(&frames, &of_first(&kept, 6), "frames");
+
+    // A direction in the frame of a polygon is one in space, and means the first triangle.
+    let basis = job(&app, "field_basis", &id, &json!({"dimension": 60}), "").await;
+    let basis = text(&basis["links"]["self"]);
+    let frame = &frames[6 * 37..6 * 38];
+    let world: Vec<f64> = (0..3).map(|i| 0.6 * frame[i] - 0.8 * frame[3 + i]).collect();
+    let stroke = |direction: &str, numbers: Vec<f64>| json!({"strokes": [{"face": 37, direction: numbers}]});
+    let framed = ask(&app, &format!("{basis}/design?form=frames"), &stroke("frame_direction", vec![0.6, -0.8])).await;
+    let spatial = ask(&app, &format!("{basis}/design?form=frames"), &stroke("direction", world)).await;
+    let (framed, spatial) = (numbers(&framed["field"]["values"]), numbers(&spatial["field"]["values"]));
+    assert_close(&framed, &spatial, "a stroke");
+    let own = json!({"strokes": [{"face": first[37], "frame_direction": [0.6, -0.8]}]});
+    let whole = ask(&app, &format!("{basis}/design?form=frames&numbering=kept"), &own).await;
+    assert_close(&framed, &of_first(&numbers(&whole["field"]["values"]), 2), "a design in frames");
+
+    let exact = json!({"operator": "hodge", "method": "hsim", "count": 4, "tolerance": 1e-6});
+    let exact = job(&app, "eigenbasis", &id, &exact, "").await;
+    let modes = format!("{}/modes?from=2&to=3&format=f32&dtype=f64", text(&exact["links"]["self"]));
+    let bytes = async |url: String| app.get(&url).send().await.unwrap().bytes().await.unwrap();
+    let values = |bytes: &[u8]| bytes.chunks_exact(8).map(|b| f64::from_le_bytes(b.try_into().unwrap())).collect();
+    let file: Vec<f64> = values(&bytes(modes.clone()).await);
+    let kept: Vec<f64> = values(&bytes(format!("{modes}&numbering=kept")).await);
+    assert_close(&file, &of_first(&kept, 2), "eigenfields");
+
+    // Nobody can say what both triangles have by two numbers for the whole.
+    let table = json!({"columns": 2, "values": vec![1.0; 320]});
+    let refused = app.post(&format!("/v1/meshes/{id}/fields")).json(&table).send().await.unwrap();
+    let told = problem(refused, 422, "invalid-design/stored").await;
+    assert!(text(&told["detail"]).contains("several of its triangles"), "{told}");
+}

@@ -126,7 +126,9 @@ export function fieldsPanel(app: App, look: Look): Panel {
     draw(basis, vectors);
     timing.textContent = `${brief(performance.now() - begin)} ms for a field on ${grouped(vectors.length / (kind() === "tensor" ? 6 : 3))} faces`;
     if (nothing(wish) && app.basis === basis && app.panel === panel) {
-      lowest.replaceChildren(h("b", {}, `Eigenfield ${k}`), `: λ ≈ ${brief(basis.eigenvalues[k])}, approached from above.`);
+      const off = basis.kind === "field_basis" ? basis.certificate?.estimates[k] : undefined;
+      const far = off === undefined ? "" : `; the exact value is about ${brief(Math.max(basis.eigenvalues[k] - off, 0))}`;
+      lowest.replaceChildren(h("b", {}, `Eigenfield ${k}`), `: λ ≈ ${brief(basis.eigenvalues[k])}, approached from above${far}.`);
       document.body.dataset.eigenfield = String(k);
     } else {
       lowest.replaceChildren();

@@ -8,7 +8,7 @@ use super::extent::{bounding_box, total_area};
 use super::{CheckOptions, CheckedMesh, Merge, MeshError};
 use crate::TriangleMesh;
 use crate::numbering::{self, Numbering, nearest_vertices};
-use crate::points::{COVERS, Known, with_local_triangles};
+use crate::points::{COVERS, Known, local_triangles};
 use crate::read::RawMesh;
 use crate::repair::{DROPPED, equal_positions};
 use crate::report::{DefectKind, FileSize, MeshReport, RepairKind};
@@ -109,7 +109,10 @@ fn settle(
     let mut order: Vec<u32> = (0..given as u32).filter(|&point| single[point as usize]).collect();
     spatial_order(&positions, &mut order);
 
-    let local = triangulated(&positions, &mut order)?;
+    let (local, scattered) = triangulated(&positions, &mut order)?;
+    let mut scattered: Vec<u32> = scattered.iter().map(|&own| order[own as usize]).collect();
+    scattered.sort_unstable();
+    found.defects.extend(tally(&scattered).into_defect(DefectKind::OffSurface, |v| v));
     let mut map = vec![DROPPED; given];
     order.iter().enumerate().for_each(|(own, &point)| map[point as usize] = own as u32);
     if options.merge != Merge::Never {
@@ -143,16 +146,17 @@ fn settle(
     Ok(())
 }
 
-/// The points in this order with their local triangles; those that have none are taken out of the order.
-fn triangulated(positions: &[[f64; 3]], order: &mut Vec<u32>) -> Result<TriangleMesh, MeshError> {
+/// The points in this order with their local triangles, and those whose neighbours lie on no surface; points without triangles are taken out of the
+/// order.
+fn triangulated(positions: &[[f64; 3]], order: &mut Vec<u32>) -> Result<(TriangleMesh, Vec<u32>), MeshError> {
     for _ in 0..ROUNDS {
         let own: Vec<[f64; 3]> = order.iter().map(|&point| positions[point as usize]).collect();
         // A check cannot be cancelled, so that this does not fail.
-        let Ok(local) = with_local_triangles(&own, &Unwatched) else { break };
+        let Ok(found) = local_triangles(&own, &Unwatched) else { break };
         let mut used = vec![false; own.len()];
-        local.faces.as_flattened().iter().for_each(|&v| used[v as usize] = true);
+        found.0.faces.as_flattened().iter().for_each(|&v| used[v as usize] = true);
         if used.iter().all(|&used| used) {
-            return Ok(local);
+            return Ok(found);
         }
         let mut used = used.into_iter();
         order.retain(|_| used.next().unwrap_or_default());
@@ -265,6 +269,24 @@ mod tests {
         let raw = RawMesh { positions: sphere(50), ..RawMesh::default() };
         let error = check_points(raw, &CheckOptions { subdivisions: 1, ..CheckOptions::default() }).unwrap_err();
         assert_eq!(error.kind(), "subdivided-points");
+    }
+
+    #[test]
+    fn points_that_fill_space_are_told_from_those_of_a_surface() {
+        let solid = |n: usize| -> Vec<[f64; 3]> {
+            (0..n * n * n).map(|k| [k % n, k / n % n, k / n / n].map(|x| x as f64)).collect()
+        };
+        let off = |positions: Vec<[f64; 3]>| checked(positions).unwrap().report.count(DefectKind::OffSurface);
+        let found = off(solid(8));
+        assert!(found > 200 && found <= 512, "{found} of 512");
+        let mut random = SplitMix64::new(3);
+        let shaken: Vec<[f64; 3]> = solid(10).iter().map(|p| p.map(|x| x + 0.5 * random.unit())).collect();
+        assert!(off(shaken) > 500);
+        // A surface of a cube, with its edges and corners, and a sphere whose points are moved by a fifth of their distance.
+        let skin: Vec<[f64; 3]> = solid(20).into_iter().filter(|p| p.iter().any(|&x| x == 0.0 || x == 19.0)).collect();
+        assert_eq!(off(skin), 0);
+        let noisy = sphere(3000).into_iter().map(|p| p.map(|x| x + 0.013 * (random.unit() - 0.5))).collect();
+        assert_eq!(off(noisy), 0);
     }
 
     #[test]

@@ -24,6 +24,10 @@ pub const NEIGHBOURS: usize = 30;
 /// How often the triangles around all points cover the surface: a triangle belongs to each of its corners.
 pub const COVERS: f64 = 3.0;
 
+/// Where this share of the variance of a point's neighbours lies off their plane, they fill space: of a ball it is 1/3, of half a ball .13, along the
+/// edge of a cube less than .1.
+const OFF_PLANE: f64 = 0.2;
+
 /// Points that are triangulated between two checkpoints, and by one task.
 const AT_ONCE: usize = 1 << 16;
 const PER_TASK: usize = 1 << 10;
@@ -42,26 +46,38 @@ pub fn are_points(mesh: &TriangleMesh) -> bool {
 /// # Errors
 /// [`Cancelled`] when the monitor asks for it.
 pub fn with_local_triangles(positions: &[[f64; 3]], monitor: &dyn Monitor) -> Result<TriangleMesh, Cancelled> {
+    Ok(local_triangles(positions, monitor)?.0)
+}
+
+/// The same, with the points, ascending, whose neighbours fill space rather than a piece of a surface.
+///
+/// # Errors
+/// As for [`with_local_triangles`].
+pub fn local_triangles(positions: &[[f64; 3]], monitor: &dyn Monitor) -> Result<(TriangleMesh, Vec<u32>), Cancelled> {
     let n = positions.len();
     let tree = PointTree::new(positions);
     monitor.checkpoint()?;
-    let mut faces = Vec::with_capacity(6 * n);
+    let (mut faces, mut scattered) = (Vec::with_capacity(6 * n), Vec::new());
     for first in (0..n).step_by(AT_ONCE) {
         let block: Vec<u32> = (first as u32..n.min(first + AT_ONCE) as u32).collect();
-        let parts: Vec<Vec<[u32; 3]>> = block
+        let parts: Vec<(Vec<[u32; 3]>, Vec<u32>)> = block
             .par_chunks(PER_TASK)
             .map(|points| {
                 let mut scratch = star::Scratch::default();
                 let mut found = Vec::with_capacity(6 * points.len());
-                points.iter().for_each(|&point| scratch.triangulate(positions, &tree, point, &mut found));
-                found
+                let mut off = |&point: &u32| scratch.triangulate(positions, &tree, point, &mut found) > OFF_PLANE;
+                let scattered = points.iter().copied().filter(|point| off(point)).collect();
+                (found, scattered)
             })
             .collect();
-        faces.extend(parts.into_iter().flatten());
+        for (own, off) in parts {
+            faces.extend(own);
+            scattered.extend(off);
+        }
         monitor.checkpoint()?;
         monitor.progress((first + block.len()) as f64 / n as f64);
     }
-    Ok(TriangleMesh { positions: positions.to_vec(), faces, ..Default::default() })
+    Ok((TriangleMesh { positions: positions.to_vec(), faces, ..Default::default() }, scattered))
 }
 
 /// Triangles around points that were made already, for whoever needs them next: they take longer than anything else that a check does. They follow

@@ -6,8 +6,8 @@ type Vector = [f64; 3];
 const SWEEPS: usize = 12;
 
 /// Two orthonormal vectors that span the plane through the centre of some vectors and the origin with the least squared distance from them
-/// (principal component analysis).
-pub(super) fn fitted(vectors: &[Vector]) -> [Vector; 2] {
+/// (principal component analysis), and the share of that distance in all of the variance: 0 in a plane, 1/3 where it is as much in any direction.
+pub(super) fn fitted(vectors: &[Vector]) -> ([Vector; 2], f64) {
     let count = vectors.len() as f64 + 1.0;
     let mut centre = [0.0; 3];
     vectors.iter().for_each(|v| (0..3).for_each(|i| centre[i] += v[i] / count));
@@ -23,7 +23,9 @@ pub(super) fn fitted(vectors: &[Vector]) -> [Vector; 2] {
     let (values, axes) = principal_axes(spread);
     let mut order = [0, 1, 2];
     order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
-    [axes[order[0]], axes[order[1]]]
+    let all = values.iter().sum::<f64>();
+    let off = if all > 0.0 { values[order[2]] / all } else { 0.0 };
+    ([axes[order[0]], axes[order[1]]], off)
 }
 
 /// The eigenvalues and unit eigenvectors of a symmetric matrix, given by its upper triangle, by Jacobi's rotations.
@@ -101,7 +103,9 @@ mod tests {
                 std::array::from_fn(|i| s * x[i] + t * y[i])
             })
             .collect();
-        for axis in fitted(&vectors) {
+        let (axes, off) = fitted(&vectors);
+        assert!(off.abs() < 1e-14);
+        for axis in axes {
             assert!(dot(axis, normal).abs() < 1e-14);
         }
     }

@@ -32,14 +32,21 @@ pub(super) struct Scratch {
 }
 
 impl Scratch {
-    /// Adds the triangles around a point to `found`, each with the point first.
-    pub fn triangulate(&mut self, positions: &[[f64; 3]], tree: &PointTree, point: u32, found: &mut Vec<[u32; 3]>) {
+    /// Adds the triangles around a point to `found`, each with the point first. Returns the share of the variance of its neighbours that lies off
+    /// their plane.
+    pub fn triangulate(
+        &mut self,
+        positions: &[[f64; 3]],
+        tree: &PointTree,
+        point: u32,
+        found: &mut Vec<[u32; 3]>,
+    ) -> f64 {
         let origin = positions[point as usize];
         tree.nearest_after(origin, Some(point), NEIGHBOURS, &mut self.nearest);
         self.vectors.clear();
         let away = |&(_, other): &(f64, u32)| std::array::from_fn(|i| positions[other as usize][i] - origin[i]);
         self.vectors.extend(self.nearest.found().iter().map(away));
-        let [x, y] = plane::fitted(&self.vectors);
+        let ([x, y], off) = plane::fitted(&self.vectors);
         let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
         self.seen.clear();
         let numbers = self.nearest.found().iter().map(|&(_, other)| other);
@@ -49,6 +56,7 @@ impl Scratch {
             angle: 0.0,
         }));
         walk(point, &mut self.seen, found);
+        off
     }
 }
 

@@ -25,6 +25,9 @@ pub enum FilterError {
         /// How many are due.
         expected: usize,
     },
+    /// A curve has no points.
+    #[error("points must be one at least")]
+    NoPoints,
     /// A sample is infinite or not a number.
     #[error("sample {index} is not finite")]
     NotFinite {
@@ -141,7 +144,7 @@ impl Transfer {
             }
             Self::Curve { ref points } => {
                 if points.is_empty() {
-                    return Err(FilterError::Samples { found: 0, expected: 1 });
+                    return Err(FilterError::NoPoints);
                 }
                 if let Some(index) = points.iter().flatten().position(|v| !v.is_finite()) {
                     return Err(FilterError::NotFinite { index: index / 2 });
@@ -311,7 +314,7 @@ mod tests {
         assert_eq!(error(Transfer::Samples { values: vec![1.0; 2], beyond: 0.0 }), "2 samples for 3 eigenvalues");
         assert!(error(Transfer::Sharpen { cutoff: 0.0, strength: 1.0 }).starts_with("cutoff is 0"));
         assert!(error(Transfer::Sharpen { cutoff: 1.0, strength: -1.5 }).starts_with("strength is -1.5"));
-        assert_eq!(error(Transfer::Curve { points: vec![] }), "0 samples for 1 eigenvalues");
+        assert_eq!(error(Transfer::Curve { points: vec![] }), "points must be one at least");
         assert_eq!(error(Transfer::Curve { points: vec![[0.0, 1.0], [1.0, f64::NAN]] }), "sample 1 is not finite");
         assert!(error(Transfer::Curve { points: vec![[1.0, 1.0], [1.0, 2.0]] }).starts_with("points is 1"));
         let values = vec![1.0, f64::INFINITY, 0.0];

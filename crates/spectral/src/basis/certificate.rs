@@ -51,6 +51,31 @@ pub struct Certificate {
     pub largest_projection_error: Option<f64>,
 }
 
+/// What is known of the lowest approximate eigenfields of a field basis. Lengths are those of the input.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct FieldCertificate {
+    /// For each of the lowest eigenfields, as many as were judged, about how far its eigenvalue lies above the exact one of the same index, in
+    /// 1/length².
+    pub estimates: Vec<f64>,
+    /// For each of them: some exact eigenvalue lies within this of its eigenvalue, in 1/length², up to rounding; null where no such bound is known.
+    pub bounds: Vec<Option<f64>>,
+    /// How near they come to what is usual.
+    pub accuracy: FieldAccuracyReport,
+}
+
+/// How near the lowest approximate eigenfields come to what is usual.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct FieldAccuracyReport {
+    /// The largest relative error of an eigenvalue that is usual on fair triangles.
+    pub goal: f64,
+    /// The largest estimated error, as a share of the exact eigenvalue, fields without energy apart.
+    pub largest_estimate: f64,
+    /// Whether that is at most the goal. Where it is false, such fields are eigenfields of the space and not of the surface.
+    pub reached: bool,
+}
+
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
 fn is_zero(number: &usize) -> bool {
     *number == 0

@@ -13,8 +13,8 @@ mod product;
 mod squares;
 
 pub use certificate::{
-    AccuracyReport, Around, Certificate, CutCluster, InertiaCount, Interval, LevelReport, NearPair, OnBound,
-    completeness,
+    AccuracyReport, Around, Certificate, CutCluster, FieldAccuracyReport, FieldCertificate, InertiaCount, Interval,
+    LevelReport, NearPair, OnBound, completeness,
 };
 pub(crate) use dense::Visit;
 pub use dense::{CHUNK_COLUMNS, ColumnChunk, ColumnError, ColumnSource, DenseFunctions, Precision, Real};

@@ -163,7 +163,7 @@ impl Product {
                     count: eigenvalues.len(),
                     nonzeros: Some(space.values().len() + space.dense().iter().map(Vec::len).sum::<usize>()),
                     eigenvalues,
-                    certificate: Value::Null,
+                    certificate: fields.metadata.get("certificate").cloned().unwrap_or_default(),
                     operator: Value::Null,
                     details: json!({
                         "field": fields.basis.kind,

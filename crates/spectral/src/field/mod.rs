@@ -9,6 +9,7 @@ mod cycle;
 mod decomposition;
 mod design;
 mod drawing;
+mod eigenfields;
 mod harmonic;
 mod heat;
 mod hierarchy;
@@ -50,6 +51,7 @@ pub use drawing::{
     Camera, Coat, CoatParameters, Drawing, HairStyle, HatchedLines, HatchingStyle, MOST_PAINTED, MOST_PIXELS,
     MOST_POINTS, MOST_STRAND_POINTS, Tone, grow, hatch, paint, png,
 };
+pub use eigenfields::{EigenfieldGoal, LowestFields, WholeField};
 pub use harmonic::{HarmonicError, MOST_HARMONIC, harmonic_fields};
 pub use heat::FieldHeat;
 pub use local::LocalEigenfields;

@@ -97,10 +97,10 @@ pub enum RefineError {
 /// All fields of a surface, with what solves for designs among them. Independent of the weights.
 pub struct FullSpace {
     kind: FieldKind,
-    inner: Inner,
+    pub(super) inner: Inner,
 }
 
-enum Inner {
+pub(super) enum Inner {
     Two(Whole<2>),
     Three(Whole<3>),
 }
@@ -207,7 +207,7 @@ impl FullSpace {
         Ok(self.refine(weighted, basis, constraints, design, JUDGE, monitor)?.distance)
     }
 
-    fn faces(&self) -> usize {
+    pub(super) fn faces(&self) -> usize {
         match &self.inner {
             Inner::Two(whole) => whole.mass.len(),
             Inner::Three(whole) => whole.mass.len(),

@@ -71,9 +71,9 @@ enum Product<'a, const B: usize> {
 }
 
 /// `S + γM`.
-struct Factor<'a, const B: usize> {
-    gamma: f64,
-    cycles: Shifted<'a, B>,
+pub(super) struct Factor<'a, const B: usize> {
+    pub gamma: f64,
+    pub cycles: Shifted<'a, B>,
 }
 
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -146,6 +146,15 @@ impl<const B: usize> Whole<B> {
         Ok(fields)
     }
 
+    /// `γ > 0` only: `(S + γM) x`.
+    pub fn shifted(&self, gamma: f64, x: &[f64]) -> Vec<f64> {
+        let mut image = self.stiff(x);
+        let mut mass = x.to_vec();
+        self.weigh(&mut mass);
+        add(&mut image, &mass, gamma);
+        image
+    }
+
     fn orthonormalise(&self, fields: &mut [Vec<f64>]) {
         for at in 0..fields.len() {
             let (before, rest) = fields.split_at_mut(at);
@@ -176,15 +185,7 @@ impl<const B: usize> Factor<'_, B> {
         monitor: &dyn Monitor,
     ) -> Result<Vec<f64>, RefineError> {
         let kernel = if self.gamma == 0.0 { kernel } else { &[] };
-        let apply = |x: &[f64]| {
-            let mut image = whole.stiff(x);
-            if self.gamma > 0.0 {
-                let mut mass = x.to_vec();
-                whole.weigh(&mut mass);
-                add(&mut image, &mass, self.gamma);
-            }
-            image
-        };
+        let apply = |x: &[f64]| if self.gamma > 0.0 { whole.shifted(self.gamma, x) } else { whole.stiff(x) };
         let precondition = |r: &[f64]| {
             let mut z = self.cycles.cycle(r);
             for idle in kernel {
@@ -194,6 +195,19 @@ impl<const B: usize> Factor<'_, B> {
             Ok(z)
         };
         conjugate_gradients(apply, precondition, f, tolerance, monitor)
+    }
+
+    /// About `(S + γM)⁻¹ f`, `γ > 0`: to a tolerance, or as far as it came.
+    pub fn about(
+        &self,
+        whole: &Whole<B>,
+        f: &[f64],
+        tolerance: f64,
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<f64>, RefineError> {
+        let apply = |x: &[f64]| whole.shifted(self.gamma, x);
+        let precondition = |r: &[f64]| Ok(self.cycles.cycle(r));
+        Ok(steps(apply, precondition, f, tolerance, monitor)?.0)
     }
 }
 
@@ -313,6 +327,20 @@ pub(super) fn conjugate_gradients(
     tolerance: f64,
     monitor: &dyn Monitor,
 ) -> Result<Vec<f64>, RefineError> {
+    match steps(apply, precondition, f, tolerance, monitor)? {
+        (x, true) => Ok(x),
+        (_, false) => Err(RefineError::NotConverged { tolerance }),
+    }
+}
+
+/// The same, with whether the tolerance was reached.
+fn steps(
+    apply: impl Fn(&[f64]) -> Vec<f64>,
+    precondition: impl Fn(&[f64]) -> Result<Vec<f64>, RefineError>,
+    f: &[f64],
+    tolerance: f64,
+    monitor: &dyn Monitor,
+) -> Result<(Vec<f64>, bool), RefineError> {
     let mut x = vec![0.0; f.len()];
     let mut residual = f.to_vec();
     let mut scaled = precondition(&residual)?;
@@ -320,7 +348,7 @@ pub(super) fn conjugate_gradients(
     let goal = rz * tolerance * tolerance;
     let mut direction = scaled.clone();
     if rz == 0.0 {
-        return Ok(x);
+        return Ok((x, true));
     }
     for _ in 0..MOST_STEPS {
         monitor.checkpoint()?;
@@ -339,7 +367,7 @@ pub(super) fn conjugate_gradients(
         let next = dot(&residual, &scaled);
         // Rounding has either sign; what is negative beyond it is no residual.
         if next.abs() <= goal {
-            return Ok(x);
+            return Ok((x, true));
         }
         // What the new residual shares with the last, which is nothing where the preconditioner stays the same, is taken out of the direction.
         let shared = next + step * dot(&product, &scaled);
@@ -349,5 +377,5 @@ pub(super) fn conjugate_gradients(
             d.iter_mut().zip(z).for_each(|(d, z)| *d = z + keep * *d);
         });
     }
-    Err(RefineError::NotConverged { tolerance })
+    Ok((x, false))
 }

@@ -142,16 +142,18 @@ impl From<Streamline> for Line {
 }
 
 impl HatchingRequest {
-    /// Lays lines along a lifted field.
+    /// Lays lines along a lifted field. What belongs to drawings alone is checked as well: a request that no drawing is made of is wrong as it stands.
     ///
     /// # Errors
-    /// [`DesignFault::Lines`] names the parameter; [`DesignFault::Cancelled`] where the monitor ends it.
+    /// As [`check`](Self::check), and that the camera sees nothing; [`DesignFault::Lines`] names the parameter; [`DesignFault::Cancelled`] where the monitor ends it.
     pub fn lines(
         &self,
         setting: &Setting,
         field: Vec<f32>,
         monitor: &dyn Monitor,
     ) -> Result<Vec<Streamline>, DesignFault> {
+        self.check(false)?;
+        self.seen_from(setting)?;
         let (n, field) = directions(setting, field);
         let parameters = self.parameters(HatchingParameters::default());
         Ok(streamlines(&setting.surface.surface, n, &field, &parameters, monitor)?)
@@ -167,11 +169,17 @@ impl HatchingRequest {
         }
     }
 
+    /// The camera of a drawing.
+    fn seen_from(&self, setting: &Setting) -> Result<Camera, DesignFault> {
+        let camera = self.camera.unwrap_or_default().camera(setting.surface.surface.mesh(), 0.0)?;
+        if camera.is_sound() { Ok(camera) } else { Err(sees_nothing()) }
+    }
+
     /// Checks what belongs to drawings.
     ///
     /// # Errors
     /// [`DesignFault::Request`] names the member.
-    pub fn check_drawing(&self, png: bool) -> Result<(), DesignFault> {
+    pub fn check(&self, png: bool) -> Result<(), DesignFault> {
         let wrong = |name: &str, reason: String| Err(refused("hatching", name, reason));
         if !(self.stroke > 0.0 && self.stroke <= 100.0) {
             return wrong("stroke", format!("is {} and must be greater than 0 and at most 100", self.stroke));
@@ -203,16 +211,16 @@ impl HatchingRequest {
     /// Lays lines along a lifted field, and draws them as a camera sees them; beside the drawing the number of lines.
     ///
     /// # Errors
-    /// As [`check_drawing`](Self::check_drawing) and [`lines`](Self::lines); [`DesignFault::Request`] where the camera sees nothing.
+    /// As [`check`](Self::check) and [`lines`](Self::lines); [`DesignFault::Request`] where the camera sees nothing.
     pub fn drawing(
         &self,
         setting: &Setting,
         field: Vec<f32>,
         monitor: &dyn Monitor,
     ) -> Result<(Drawing, usize), DesignFault> {
-        self.check_drawing(false)?;
+        self.check(false)?;
         let surface = &setting.surface.surface;
-        let camera = self.camera.unwrap_or_default().camera(surface.mesh(), 0.0)?;
+        let camera = self.seen_from(setting)?;
         let paper = Paper { camera: &camera, stroke: self.stroke, area: surface.frames().area() };
         let levels = if self.tone.is_some() { USUAL_LEVELS } else { 1 };
         let spacing = paper.spacing();

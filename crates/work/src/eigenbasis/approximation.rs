@@ -4,7 +4,7 @@ use chladni_algebra::gpu;
 use chladni_base::Monitor;
 use chladni_mesh::distance::{DistanceKind, STVD_WINDOW_MAX};
 use chladni_spectral::basis::{Basis, Certificate, DenseFunctions, Functions, Precision};
-use chladni_spectral::operator::{MassKind, MeshOperator};
+use chladni_spectral::operator::{MassKind, MeshOperator, OperatorKind};
 use chladni_spectral::spectrum::heat::HeatParameters;
 use chladni_spectral::spectrum::radial::RadialParameters;
 use chladni_spectral::spectrum::{
@@ -262,6 +262,10 @@ fn heat(request: &Request, accuracy: Accuracy) -> Result<HeatParameters, Paramet
         Accuracy::Accurate => HeatParameters::accurate(),
     };
     let Some(heat) = request.heat else { return Ok(usual) };
+    // As canonical parameters have them.
+    if request.operator == Some(OperatorKind::Volume) && heat == usual.in_solid() {
+        return Ok(usual);
+    }
     // Details that say the same as the accuracy contradict nothing.
     if accuracy == Accuracy::Accurate && heat != usual {
         return Err(value("heat", "give the details or \"accuracy\": \"accurate\", not both".to_owned()));
@@ -288,4 +292,26 @@ fn radial(request: &Request, accuracy: Accuracy) -> Result<RadialParameters, Par
         return Err(value("radial.distance", reason));
     }
     Ok(radial)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::EigenbasisParameters;
+    use serde_json::json;
+
+    #[test]
+    fn solids_record_the_heat_parameters_that_they_take() {
+        for accuracy in ["standard", "accurate"] {
+            let given = json!({"operator": "volume", "method": "approximate", "count": 20, "accuracy": accuracy});
+            let parameters = EigenbasisParameters::parse(&given).unwrap();
+            let recorded = parameters.canonical();
+            assert_eq!((&recorded["heat"]["steps"], &recorded["heat"]["margin"]), (&json!(6), &json!(4.0)));
+            // They mean what was asked for: where columns have few vertices, others take their place.
+            assert_eq!(EigenbasisParameters::parse(&recorded).unwrap(), parameters);
+            let surface = json!({"method": "approximate", "count": 20, "accuracy": accuracy});
+            assert_ne!(EigenbasisParameters::parse(&surface).unwrap().canonical()["heat"], recorded["heat"]);
+        }
+        let own = json!({"operator": "volume", "method": "approximate", "count": 20, "heat": {"steps": 3}});
+        assert_eq!(EigenbasisParameters::parse(&own).unwrap().canonical()["heat"]["steps"], 3);
+    }
 }

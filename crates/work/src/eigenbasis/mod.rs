@@ -16,6 +16,7 @@ use chladni_spectral::basis::{Basis, Product};
 use chladni_spectral::operator::{
     self, MeshOperator, OperatorError, OperatorKind, OperatorParameters, Potential, points,
 };
+use chladni_spectral::spectrum::heat::HeatParameters;
 use serde_json::Value;
 
 pub use approximation::{Accuracy, Approximate, Construction};
@@ -160,6 +161,9 @@ impl EigenbasisParameters {
             Method::Auto(auto) => request.count = Some(auto.approximate.count),
             Method::Approximate(approximate) => approximate.fill(&mut request),
             Method::Exact(exact) => exact.fill(&mut request),
+        }
+        if self.operator.operator == OperatorKind::Volume {
+            request.heat = request.heat.map(HeatParameters::in_solid);
         }
         // Serialising a struct of numbers, strings and options cannot fail; null would only make equal work look different.
         serde_json::to_value(request).unwrap_or_default()

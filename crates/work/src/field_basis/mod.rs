@@ -1,5 +1,6 @@
 //! The job `field_basis`: a space of locally supported tangential fields, and the approximate eigenfields in it.
 
+mod judged;
 mod request;
 
 use chladni_base::Monitor;
@@ -13,6 +14,7 @@ use serde_json::{Value, json};
 
 pub use self::request::{FieldConstruction, FieldName};
 
+use self::judged::{Judging, judged};
 use self::request::{FieldAccuracy, Request};
 use super::{JobError, MeshSize, ParameterError, Work};
 use crate::packed::Packed;
@@ -34,6 +36,8 @@ pub struct FieldBasisParameters {
     open: bool,
     /// Fields that the weights of faces are derived from, in the frames of the faces; empty where there are none.
     examples: Vec<Vec<f64>>,
+    /// How many eigenfields are judged, where the job says so.
+    estimates: Option<usize>,
 }
 
 fn value(name: &'static str, reason: String) -> ParameterError {
@@ -95,7 +99,17 @@ impl FieldBasisParameters {
         if !examples.is_empty() && made.weights.is_some() {
             return Err(value("examples", "take the place of weights; give one or the other".to_owned()));
         }
-        Ok(Self { space: made, open: request.dimension.is_none(), examples })
+        if let Some(estimates) = request.estimates
+            && estimates > judged::MOST
+        {
+            return Err(value("estimates", format!("must be at most {}, not {estimates}", judged::MOST)));
+        }
+        Ok(Self { space: made, open: request.dimension.is_none(), examples, estimates: request.estimates })
+    }
+
+    /// Which eigenfields are judged on a mesh.
+    fn judging(&self, faces: usize) -> Judging {
+        Judging::new(self.estimates, self.space.field.block(), faces, self.dimension(faces))
     }
 
     /// The columns on a mesh: what was asked for, or the default and at most a quarter of the numbers of a field.
@@ -180,6 +194,7 @@ impl Work for FieldBasisParameters {
             harmonic_fields: vector.then_some(parameters.harmonic_fields),
             weights: parameters.weights.clone(),
             examples: (!self.examples.is_empty()).then(|| self.examples.clone()),
+            estimates: self.estimates,
             seed: Some(parameters.seed),
             ..Request::default()
         };
@@ -231,7 +246,8 @@ impl Work for FieldBasisParameters {
         // Matrices of the space, and the dense eigenproblem.
         let small = d * 200 * 12 * 2;
         let ritz = if d <= MOST_DIMENSIONS as u64 { d * d * 8 * 6 } else { 0 };
-        surface + operator + (columns + small).max(blocks * (4 * b * b + 4) + ritz) + (64 << 20)
+        let judged = if ritz > 0 { 4 * d * d + self.judging(mesh.faces).bytes() } else { 0 };
+        surface + operator + (columns + small).max(blocks * (4 * b * b + 4) + ritz.max(judged)) + (64 << 20)
     }
 
     fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Product, JobError> {
@@ -248,13 +264,14 @@ impl Work for FieldBasisParameters {
             space.weights = Some(adaptive_weights(&surface, space.field, &self.examples, monitor)?);
         }
         let basis = field_basis(&surface, &space, monitor)?;
-        drop(surface);
-        let ritz = if basis.space.dimension() <= MOST_DIMENSIONS {
-            Some(DesignModel::new(&basis, monitor)?.ritz().clone())
-        } else {
-            None
-        };
-        Ok(StoredFields { basis, ritz, metadata: json!({}) }.into())
+        if basis.space.dimension() > MOST_DIMENSIONS {
+            return Ok(StoredFields { basis, ritz: None, metadata: json!({}) }.into());
+        }
+        let model = DesignModel::new(&basis, monitor)?;
+        let judging = self.judging(surface.faces());
+        let certificate = judged(&surface, &basis, &model, space.boundary, judging, monitor)?;
+        let ritz = Some(model.ritz().clone());
+        Ok(StoredFields { basis, ritz, metadata: json!({"certificate": certificate}) }.into())
     }
 }
 
@@ -279,7 +296,7 @@ mod tests {
             Value::Null,
             json!({"field": "n_vector", "n": 6, "dimension": 300, "sigma": 12.0}),
             json!({"field": "tensor", "construction": "local_eigenfields", "seed": 7}),
-            json!({"examples": [[1.0, 0.5]]}),
+            json!({"examples": [[1.0, 0.5]], "estimates": 3}),
             json!({"accuracy": "accurate", "weights": [1.0, 2.0], "boundary": "normal", "harmonic_fields": false}),
         ] {
             let canonical = parsed(parameters).unwrap();
@@ -310,6 +327,7 @@ mod tests {
             (json!({"sigma": 1.0}), "parameter \"sigma\""),
             (json!({"construction": "local_eigenfields", "accuracy": "accurate"}), "accuracy"),
             (json!({"heat": {"steps": 0}}), "steps"),
+            (json!({"estimates": 257}), "at most 256"),
             (json!({"weights": [1.0, 0.0]}), "number 1"),
             (json!({"weights": [1.0], "examples": [[1.0]]}), "take the place of weights"),
         ] {

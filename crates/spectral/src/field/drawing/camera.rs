@@ -29,6 +29,11 @@ pub const MOST_PIXELS: u32 = 8192;
 const FILLED: f64 = 0.94;
 
 impl Camera {
+    /// Whether a picture can be drawn with it: it looks somewhere, and its picture has a size that is not too large.
+    pub fn is_sound(&self) -> bool {
+        View::new(self, 1).is_some()
+    }
+
     /// The camera that sees all of a mesh from a direction, as large as its picture allows, with `margin` around it in the units of the mesh. A
     /// direction along `up` is turned a little. What cannot be seen at all gives a camera that no picture is drawn with.
     pub fn fitted(mesh: &TriangleMesh, from: [f64; 3], margin: f64, camera: Self) -> Self {
