@@ -15,6 +15,7 @@ mod eigsh;
 mod error;
 mod field;
 mod input;
+mod join;
 mod map_collection;
 mod memory;
 #[cfg(feature = "cluster")]
@@ -75,6 +76,7 @@ enum Command {
     #[command(after_help = SERVE_HELP)]
     Serve(Box<Config>),
     Solve(Box<solve::SolveArguments>),
+    Join(Box<join::JoinArguments>),
     Eigsh(Box<eigsh::EigshArguments>),
     Field(Box<field::FieldArguments>),
     Run(Box<run::RunArguments>),
@@ -128,6 +130,7 @@ pub fn main() -> ExitCode {
         Command::Demo(arguments) => demo::demo(arguments),
         Command::Serve(config) => serve::serve(*config),
         Command::Solve(arguments) => solve::solve(*arguments),
+        Command::Join(arguments) => join::join(*arguments),
         Command::Eigsh(arguments) => eigsh::eigsh(*arguments),
         Command::Field(arguments) => field::field(*arguments),
         Command::Run(arguments) => run::run(*arguments),

@@ -7,15 +7,15 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use chladni_algebra::gpu::{self, GpuChoice};
-use chladni_mesh::TriangleMesh;
 use chladni_mesh::check::{RepairKind, SurfaceOf};
 use chladni_mesh::numbering::Numbering;
 use chladni_mesh::solid::CheckedBody;
+use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::Product;
 use chladni_spectral::formats::FormatError;
 use chladni_work::numbered::translate_parameters;
 use chladni_work::packed::Packed;
-use chladni_work::{JobParameters, MeshSize, SOLVER_VERSION, abbreviate};
+use chladni_work::{JobError, JobParameters, MeshSize, Outcome, SOLVER_VERSION, abbreviate};
 use serde_json::{Map, Value, json};
 
 use super::output::OutputFormat;
@@ -134,16 +134,61 @@ impl WorkArguments {
         Ok(())
     }
 
+    /// The threads that work, once the graphics card is chosen.
+    ///
+    /// # Errors
+    /// [`CliError`]: a card that is not there, threads that do not start.
+    pub fn pool(&self) -> Result<rayon::ThreadPool, CliError> {
+        self.choose_card()?;
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(self.threads)
+            .build()
+            .map_err(|error| CliError::Service(format!("cannot start {} threads: {error}", self.threads)))
+    }
+
+    /// Reads the mesh, and the job as it runs on it.
+    ///
+    /// # Errors
+    /// [`CliError`]: a file that is no mesh, parameters that do not fit it.
+    pub fn prepare(&self, job: &JobParameters, pool: &rayon::ThreadPool) -> Result<Prepared, CliError> {
+        let body = pool.install(|| self.input.load_body())?;
+        let (job, size, numbering) = prepared(&body, job, &self.numbered)?;
+        let surface = body.surface.report.surface;
+        Ok(Prepared { mesh: body.surface.mesh, solid: body.solid, job, size, numbering, surface })
+    }
+
+    /// Refuses work that needs more memory than is free.
+    ///
+    /// # Errors
+    /// [`CliError::Refused`].
+    pub fn refuse_memory(&self, estimate: u64) -> Result<(), CliError> {
+        match memory::available().filter(|free| estimate > *free && !self.ignore_memory) {
+            Some(free) => Err(CliError::Refused(format!(
+                "the job needs about {estimate} bytes of memory and {free} are free; ask for less, or pass --ignore-memory"
+            ))),
+            None => Ok(()),
+        }
+    }
+
     /// Reads the mesh, runs the job and writes its result where that is asked for.
     ///
     /// # Errors
     /// [`CliError`]: an output that cannot be written is found out before the work begins.
     pub fn run(&self, job: &JobParameters) -> Result<Finished, CliError> {
-        self.choose_card()?;
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(self.threads)
-            .build()
-            .map_err(|error| CliError::Service(format!("cannot start {} threads: {error}", self.threads)))?;
+        self.run_by(job, JobParameters::memory_bytes, |job, mesh, solid, bars| job.run_body(mesh, solid, bars))
+    }
+
+    /// The same with the memory that the work takes, and the work itself.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn run_by(
+        &self,
+        job: &JobParameters,
+        memory: impl FnOnce(&JobParameters, MeshSize) -> u64,
+        work: impl FnOnce(&JobParameters, &TriangleMesh, Option<&TetMesh>, &StageBars) -> Result<Outcome, JobError> + Send,
+    ) -> Result<Finished, CliError> {
+        let pool = self.pool()?;
         // Before the work: a solve of minutes must not end at a folder that does not exist.
         let output = self
             .output
@@ -153,18 +198,12 @@ impl WorkArguments {
         let bars = StageBars::new(self.json || self.quiet);
         let began = Instant::now();
         bars.begin("read");
-        let body = pool.install(|| self.input.load_body())?;
+        let Prepared { mesh, solid, job, size, numbering, surface } = self.prepare(job, &pool)?;
         let mut stages = vec![("read", began.elapsed().as_secs_f64())];
-        let (job, size, numbering) = prepared(&body, job, &self.numbered)?;
-        let (mesh, solid) = (body.surface.mesh, body.solid);
         let to = self.numbered.translation(Arc::clone(&numbering));
-        let memory_estimate = job.memory_bytes(size);
-        if let Some(free) = memory::available().filter(|free| memory_estimate > *free && !self.ignore_memory) {
-            return Err(CliError::Refused(format!(
-                "the job needs about {memory_estimate} bytes of memory and {free} are free; ask for less, or pass --ignore-memory"
-            )));
-        }
-        let outcome = pool.install(|| job.run_body(&mesh, solid.as_ref(), &bars))?;
+        let memory_estimate = memory(&job, size);
+        self.refuse_memory(memory_estimate)?;
+        let outcome = pool.install(|| work(&job, &mesh, solid.as_ref(), &bars))?;
         let total = began.elapsed().as_secs_f64();
         bars.finish();
         stages.extend(outcome.seconds);
@@ -179,19 +218,24 @@ impl WorkArguments {
             }
         };
         let threads = pool.current_num_threads();
-        Ok(Finished {
-            mesh,
-            numbering,
-            surface: body.surface.report.surface,
-            product,
-            stages,
-            total,
-            write,
-            threads,
-            memory_estimate,
-            peak_rss,
-        })
+        Ok(Finished { mesh, numbering, surface, product, stages, total, write, threads, memory_estimate, peak_rss })
     }
+}
+
+/// A mesh, and a job as it runs on it.
+pub struct Prepared {
+    /// The mesh.
+    pub mesh: TriangleMesh,
+    /// The solid whose surface it is, where the file has tetrahedra.
+    pub solid: Option<TetMesh>,
+    /// The job, in the numbering of the mesh.
+    pub job: JobParameters,
+    /// How large the mesh is.
+    pub size: MeshSize,
+    /// Where the vertices and faces of the file went.
+    pub numbering: Arc<Numbering>,
+    /// Which surface this is, where the file has tetrahedra.
+    pub surface: Option<SurfaceOf>,
 }
 
 impl Finished {

@@ -34,14 +34,15 @@ use chladni_spectral::basis::Product;
 use chladni_spectral::operator::OperatorError;
 use chladni_spectral::spectrum::ApproximationError;
 use chladni_spectral::spectrum::hsim::HsimError;
+use chladni_spectral::spectrum::hsim::parts::PartError;
 use chladni_spectral::spectrum::pencil::PencilError;
 use chladni_spectral::spectrum::vibration::VibrationError;
 
 use packed::Packed;
 
 pub use eigenbasis::{
-    Accuracy, Approximate, Construction, EigenbasisParameters, Exact, HsimVariant, Method, MethodName, Start,
-    StorageKind,
+    Accuracy, Approximate, Construction, EigenbasisParameters, Exact, HsimVariant, MadePart, Method, MethodName,
+    PartSource, Start, StorageKind,
 };
 
 pub use field_basis::{FieldBasisParameters, FieldConstruction, FieldName};
@@ -143,9 +144,21 @@ pub enum JobError {
     /// Shapes could not be mapped to each other.
     #[error(transparent)]
     Analysis(AnalysisError),
+    /// Parts of an eigenproblem could not be made, or joined.
+    #[error(transparent)]
+    Parts(PartError),
 }
 
 stopped!(JobError: VibrationError => Vibration, HsimError => Iteration, ApproximationError => Approximation, OperatorError => Operator, DesignError => Ritz);
+
+impl From<PartError> for JobError {
+    fn from(error: PartError) -> Self {
+        match error {
+            PartError::Solver(error) => error.into(),
+            other => Self::Parts(other),
+        }
+    }
+}
 
 impl From<FieldError> for JobError {
     fn from(error: FieldError) -> Self {
@@ -190,6 +203,7 @@ impl JobError {
             Self::Pencil(error) => error.kind(),
             Self::Analysis(AnalysisError::Basis(_)) => "basis-unavailable",
             Self::Analysis(_) => "maps-failed",
+            Self::Parts(error) => error.kind(),
         }
     }
 }
@@ -413,8 +427,18 @@ impl JobParameters {
         monitor: &dyn Monitor,
     ) -> Result<Outcome, JobError> {
         self.check_mesh(MeshSize::of_body(mesh, solid))?;
+        self.outcome(mesh, monitor, |clock| self.work().run_body(mesh, solid, clock))
+    }
+
+    /// What work on a mesh leaves behind, with what a product says about itself.
+    fn outcome(
+        &self,
+        mesh: &TriangleMesh,
+        monitor: &dyn Monitor,
+        work: impl FnOnce(&dyn Monitor) -> Result<Product, JobError>,
+    ) -> Result<Outcome, JobError> {
         let clock = StageClock::new(monitor);
-        let mut product = self.work().run_body(mesh, solid, &clock)?;
+        let mut product = work(&clock)?;
         let notes = clock.notes();
         let seconds = clock.finish();
         let mut parameters = self.canonical();

@@ -1,5 +1,6 @@
 //! `solve`: one eigenproblem, without a server.
 
+mod part;
 pub(super) mod report;
 
 use std::io::Write;
@@ -97,6 +98,10 @@ pub struct SolveArguments {
     #[arg(long, value_name = "KIND", help_heading = "Output", value_parser = ["dense", "compact"])]
     storage: Option<String>,
 
+    /// Solve only part K of N of the spectrum, as on one of N machines, and write it to --output; chladni join makes one basis of all parts (hsim)
+    #[arg(long, value_name = "K/N", help_heading = "Method", value_parser = part::which)]
+    part: Option<part::WhichPart>,
+
     /// Numbers of dense storage (hsim, sim)
     #[arg(long, value_name = "TYPE", help_heading = "Output", value_parser = ["f32", "f64"])]
     precision: Option<String>,
@@ -110,6 +115,7 @@ Examples:
   chladni solve igea.ply --method hsim -n 250 --tolerance 1e-6 --precision f64 -o igea.npz
   chladni solve igea.ply --method hsim --below 500 --storage compact --json
   chladni solve igea.ply --between 200,500                       those of an interval, with the index of the first
+  chladni solve igea.ply -n 1000 --part 2/4 -o two.npz           a quarter of the work: see chladni join
   chladni solve face.obj --method hsim --operator hamiltonian:0.1 --boundary dirichlet";
 
 /// Reads a finite number: JSON has no other, and would pass on one as if nothing had been given.
@@ -125,11 +131,17 @@ pub(super) fn interval(text: &str) -> Result<[f64; 2], String> {
 }
 
 impl SolveArguments {
+    /// The method, which for parts is the only one that has them.
+    fn method(&self) -> &str {
+        if self.method == "auto" && self.part.is_some() { "hsim" } else { &self.method }
+    }
+
     /// The arguments as parameters of the job `eigenbasis`; what was not given is left to the job's own defaults.
     fn job(&self) -> Result<JobParameters, CliError> {
         let given = given([
             // Its usual value may be given by name as well.
-            ("method", (self.method != "auto").then(|| json!(self.method))),
+            // Parts belong to one method.
+            ("method", (self.method != "auto" || self.part.is_some()).then(|| json!(self.method()))),
             ("count", self.count.map(|value| json!(value))),
             ("below", self.below.map(|value| json!(value))),
             ("between", self.between.map(|value| json!(value))),
@@ -191,6 +203,9 @@ pub(super) fn operator(text: &str) -> Result<Value, CliError> {
 /// Runs `chladni solve`.
 pub fn solve(arguments: SolveArguments) -> Result<ExitCode, CliError> {
     let job = arguments.job()?;
+    if let Some(which) = arguments.part {
+        return part::solve(&job, which, &arguments.work);
+    }
     let finished = arguments.work.run(&job)?;
     let wrong = || CliError::Service("the job made something else than an eigenbasis".to_owned());
     let run = Run::of(finished).ok_or_else(wrong)?;

@@ -11,7 +11,7 @@ use crate::cli::{Table, bytes, grouped, number};
 const LISTED_PAIRS: usize = 12;
 
 /// An eigenbasis with what its run measured.
-pub(super) struct Run {
+pub struct Run {
     basis: Basis,
     finished: Finished,
 }

@@ -9,6 +9,7 @@ mod field;
 mod field_space;
 mod maps;
 pub mod modal;
+mod part;
 mod product;
 mod squares;
 
@@ -22,6 +23,8 @@ pub use evaluate::BasisError;
 pub use field::{FieldBasis, RitzFields, StoredFields};
 pub use field_space::{FieldSpace, SpaceError};
 pub use maps::{CycleErrors, MAP_COLLECTION, StoredMap, StoredMaps, ordered_pairs};
+pub(crate) use part::SHARED;
+pub use part::{Fingerprint, Part, PartCount, PartPlan, PartSlice};
 pub use product::{PENCIL, Product, ProductKind, Summary};
 
 use std::sync::{Arc, OnceLock};

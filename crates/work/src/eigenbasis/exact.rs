@@ -228,7 +228,12 @@ impl Exact {
     }
 
     /// What was found as it is stored, with its residuals as they are then. Where nobody asked for single precision, it has to keep the tolerance.
-    fn stored(&self, pairs: Eigenpairs, operator: &MeshOperator, monitor: &dyn Monitor) -> Result<Basis, JobError> {
+    pub(super) fn stored(
+        &self,
+        pairs: Eigenpairs,
+        operator: &MeshOperator,
+        monitor: &dyn Monitor,
+    ) -> Result<Basis, JobError> {
         let (problem, tolerance) = (&operator.problem, self.solver.tolerance);
         let mass = operator.laplacian().mass.scaled(operator.laplacian().area);
         let single = match (self.storage, self.precision) {

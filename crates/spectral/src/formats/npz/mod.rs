@@ -14,6 +14,7 @@ mod fields;
 mod learning;
 mod maps;
 mod modal;
+mod part;
 mod problem;
 mod read;
 
@@ -35,6 +36,7 @@ pub use fields::{fields_to_bytes, read_fields, write_fields};
 pub use learning::{SurfaceOperators, operators_within, write_operators};
 pub use maps::maps;
 pub use modal::{read_modes, write_modes};
+pub use part::{read_part, read_part_head, write_part};
 pub use problem::{ProblemParts, read_problem, write_problem};
 pub use read::{check_sums, read, read_frame, read_head};
 

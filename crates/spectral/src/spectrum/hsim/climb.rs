@@ -4,6 +4,7 @@ use chladni_algebra::{PanelMatrix, SparseMatrix, prolong};
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
 
+use super::certify::Goal;
 use super::deliver::nothing;
 use super::dense_pairs::{dense_pairs, dense_rows};
 use super::hierarchy::{self, Start};
@@ -102,10 +103,10 @@ enum Given<'a> {
 }
 
 /// What is to be solved, and what is known of it before anything is factored.
-struct Climb<'a> {
-    mesh: &'a TriangleMesh,
-    problem: &'a EigenProblem,
-    parameters: &'a HsimParameters,
+pub(super) struct Climb<'a> {
+    pub mesh: &'a TriangleMesh,
+    pub problem: &'a EigenProblem,
+    pub parameters: &'a HsimParameters,
     /// The finest nested space, where the caller has one.
     space: Option<&'a SparseMatrix<f32>>,
     /// Ritz pairs on the unknowns, where the caller has some.
@@ -117,8 +118,8 @@ struct Climb<'a> {
     /// What was taken off its eigenvalues.
     offset: f64,
     /// The dimension of the kernel that is known.
-    known: usize,
-    monitor: &'a dyn Monitor,
+    pub known: usize,
+    pub monitor: &'a dyn Monitor,
 }
 
 /// The levels above the mesh.
@@ -178,28 +179,31 @@ impl<'a> Climb<'a> {
         Ok(Self { mesh, problem, parameters, space, begun, keep_space, base, offset, known, monitor })
     }
 
+    /// With nothing brought along.
+    ///
+    /// # Errors
+    /// As [`solve`].
+    pub fn plain(
+        mesh: &'a TriangleMesh,
+        problem: &'a EigenProblem,
+        parameters: &'a HsimParameters,
+        monitor: &'a dyn Monitor,
+    ) -> Result<Self, HsimError> {
+        Self::new(mesh, problem, parameters, Given::Nothing, false, monitor)
+    }
+
     fn solve(mut self) -> Result<Eigenpairs, HsimError> {
         self.monitor.stage("hierarchy");
         self.monitor.checkpoint()?;
         let (finest, above) = self.finest()?;
-        let bound = |bound: f64| bound * self.problem.area - self.offset;
-        let (goal, wanted) = match aim(&finest, self.parameters.wanted, bound, self.known)? {
+        let (goal, wanted) = match aim(&finest, self.parameters.wanted, |bound| self.bound(bound), self.known)? {
             Aim::Nothing(count) => {
                 return Ok(nothing(self.mesh, self.problem, self.base.size(), count, self.offset));
             }
             Aim::Pairs(goal, wanted) => (goal, wanted),
         };
-        let task = Task {
-            mesh: self.mesh,
-            problem: self.problem,
-            parameters: self.parameters,
-            finest: &finest,
-            kernel: &Kernel::new(&finest.level),
-            goal,
-            nontrivial: self.nontrivial(wanted),
-            offset: self.offset,
-            monitor: self.monitor,
-        };
+        let kernel = Kernel::new(&finest.level);
+        let task = self.task(&finest, &kernel, goal, wanted);
         if self.takes_krylov_space(wanted)
             && let Some(Begun { values, vectors, columns }) = task.krylov_start()?
         {
@@ -222,14 +226,37 @@ impl<'a> Climb<'a> {
         Ok(pairs)
     }
 
+    /// What is iterated on, of so many wanted pairs.
+    pub fn task<'b>(&self, finest: &'b Finest, kernel: &'b Kernel<'b>, goal: Goal, wanted: usize) -> Task<'b>
+    where
+        'a: 'b,
+    {
+        Task {
+            mesh: self.mesh,
+            problem: self.problem,
+            parameters: self.parameters,
+            finest,
+            kernel,
+            goal,
+            nontrivial: self.nontrivial(wanted),
+            offset: self.offset,
+            monitor: self.monitor,
+        }
+    }
+
+    /// A bound as it was asked for, on the eigenvalues of the level.
+    pub fn bound(&self, bound: f64) -> f64 {
+        bound * self.problem.area - self.offset
+    }
+
     /// Pairs to converge, those of the kernel left out. One above it tells where it ends; where a potential acts on other components, all may lie below it.
-    fn nontrivial(&self, wanted: usize) -> usize {
+    pub fn nontrivial(&self, wanted: usize) -> usize {
         let mixed = self.base.component.contains(&NO_KERNEL);
         wanted.saturating_sub(if mixed { 0 } else { self.known }).max(1).min(self.base.size() - self.known)
     }
 
     /// Columns to iterate on for so many pairs.
-    fn columns(&self, wanted: usize) -> usize {
+    pub fn columns(&self, wanted: usize) -> usize {
         hierarchy::columns(self.nontrivial(wanted), self.base.size() - self.known)
     }
 
@@ -252,16 +279,29 @@ impl<'a> Climb<'a> {
         Ok((finest?, above?))
     }
 
-    /// Whether Krylov spaces take the place of a hierarchy, as they do where they cost less, unless levels or their space are asked for. What is small, or of small
-    /// pieces, is solved densely.
-    fn takes_krylov_space(&self, wanted: usize) -> bool {
-        let Self { base, known, .. } = self;
+    /// The mesh in the order in which it is factored, without levels above it.
+    pub fn finest_alone(&self) -> Result<Finest, HsimError> {
+        let columns = match self.parameters.wanted {
+            Wanted::Count(count) => self.columns(count),
+            _ => hierarchy::columns(100, self.base.size()),
+        };
+        Finest::new(&self.base, columns, self.monitor)
+    }
+
+    /// Whether Krylov spaces may take the place of a hierarchy, as levels or their space are not asked for.
+    pub fn may_take_krylov_space(&self) -> bool {
         let free = self.parameters.levels.is_none() && !self.keep_space;
         let chosen = free && self.is_sliced() && self.begun.is_none() && self.space.is_none();
+        chosen && (self.known == 0 || !self.base.component.contains(&NO_KERNEL))
+    }
+
+    /// Whether they do, as where they cost less. What is small, or of small pieces, is solved densely.
+    fn takes_krylov_space(&self, wanted: usize) -> bool {
+        let base = &self.base;
         let dense = || hierarchy::sizes(dense_rows(&base.stiffness, &base.mass), self.columns(wanted), None).is_empty();
         let (n, pairs, tolerance) = (base.size(), self.nontrivial(wanted), self.parameters.tolerance);
         let pays = || lanczos::pays(n, pairs, tolerance) || slices::pays(n, pairs, tolerance);
-        chosen && (*known == 0 || !base.component.contains(&NO_KERNEL)) && pays() && !dense()
+        self.may_take_krylov_space() && pays() && !dense()
     }
 
     /// Solves `q` columns on the levels above the mesh; nothing where there are to be none.

@@ -24,8 +24,8 @@ use super::judge::{Count, NULL};
 use super::kernel::Kernel;
 use super::level::Level;
 use super::ritz::ritz;
+use super::segments::Cuts;
 use super::shifts::{Group, factor_near, groups};
-use super::slices::Cuts;
 use super::tuning::TUNING;
 
 /// How the columns of one level are iterated.

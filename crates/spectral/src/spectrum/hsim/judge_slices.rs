@@ -5,7 +5,7 @@ use chladni_base::Monitor;
 use super::HsimError;
 use super::columns::defect;
 use super::judge::{Found, LARGEST_DEFECT, Verdict, certify};
-use super::slices::Cuts;
+use super::segments::Cuts;
 
 /// As [`certify`], segment by segment: with as many columns between two counts as eigenvalues, each is enclosed with its index.
 ///

@@ -1,6 +1,6 @@
 //! HSIM, the hierarchical subspace iteration method (thesis, chapter 4): the lowest eigenpairs to any tolerance, proven complete. What a hierarchy
-//! does not do for less comes from a Krylov space (`lanczos.rs`), many pairs from one for each slice of the spectrum (`slices.rs`); counts and
-//! judgement are the same.
+//! does not do for less comes from a Krylov space (`lanczos.rs`), many pairs from one for each slice of the spectrum (`slices.rs`), which several
+//! machines may share (`parts`); counts and judgement are the same.
 
 mod bare;
 mod certificate;
@@ -20,10 +20,12 @@ mod krylov;
 mod lanczos;
 mod level;
 mod offset;
+pub mod parts;
 mod polish;
 mod published;
 mod ritz;
 mod scout;
+mod segments;
 mod semidefinite;
 mod shifts;
 mod slices;

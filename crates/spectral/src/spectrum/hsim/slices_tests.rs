@@ -1,6 +1,6 @@
 //! Slices against the dense solver and the hierarchy; and their judgement, with pairs that are right and wrong.
 
-use chladni_algebra::{CpuSolver, Ordering, SymmetricDefiniteSolver};
+use chladni_algebra::{CpuSolver, Ordering, PanelMatrix, SymmetricDefiniteSolver, restrict, rotate};
 use chladni_base::{SplitMix64, Unwatched};
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::shape::Shape;
@@ -8,6 +8,8 @@ use chladni_mesh::shape::Shape;
 use super::super::judge::Found;
 use super::super::judge_slices::certify_segments;
 use super::super::offset::components;
+use super::super::ritz::ritz;
+use super::super::segments::{Cuts, is_certain};
 use super::super::tests::{copies, count, laplacian, rough, solved};
 use super::super::{HsimError, HsimParameters, solve};
 use super::*;

@@ -15,8 +15,9 @@ use super::kernel::Kernel;
 use super::krylov;
 use super::lanczos;
 use super::level::Level;
+use super::segments::{Cuts, Sliced};
 use super::shifts::factor_near;
-use super::slices::{self, Cuts};
+use super::slices;
 use super::tuning::TUNING;
 use super::{Eigenpairs, HsimError, HsimParameters, LevelReport, Wanted, published};
 use crate::operator::EigenProblem;
@@ -83,7 +84,7 @@ impl Task<'_> {
             let pairs = (nontrivial + TUNING.slices.beyond).min(columns);
             let wanted = lanczos::Wanted { pairs, ..wanted };
             let sliced = slices::start(level, symbolic, kernel, wanted, TUNING.slices.pairs, monitor)?;
-            if let Some(slices::Sliced { values, vectors, cuts }) = sliced {
+            if let Some(Sliced { values, vectors, cuts }) = sliced {
                 return Ok(Some(Begun { values, vectors, columns: Columns::Sliced(cuts) }));
             }
         }

@@ -1,0 +1,116 @@
+//! Parts of one eigenproblem, as they travel between those who solve them and the one who joins them.
+
+use chladni_algebra::PanelMatrix;
+use serde::{Deserialize, Serialize};
+
+/// Neighbouring slices share so many pairs to either side of where they meet.
+pub(crate) const SHARED: usize = 8;
+
+/// Numbers of the problem on two machines differ by rounding: relative to themselves, by no more than this.
+const SAME_NUMBERS: f64 = 1e-9;
+
+/// What a problem says about itself: products of its matrices with random vectors, which are no others on another machine than rounding makes them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Fingerprint {
+    /// Rows of the matrices.
+    pub unknowns: usize,
+    /// Stored numbers of the stiffness.
+    pub entries: usize,
+    /// `xᵀSx` and `xᵀMx` for three vectors.
+    pub products: [f64; 6],
+}
+
+impl Fingerprint {
+    pub(crate) fn is_as(&self, other: &Self) -> bool {
+        let mut pairs = self.products.iter().zip(&other.products);
+        self.unknowns == other.unknowns
+            && self.entries == other.entries
+            && pairs.all(|(a, b)| (a - b).abs() <= SAME_NUMBERS * a.abs().max(b.abs()))
+    }
+}
+
+/// How a problem is divided.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PartPlan {
+    /// The version of the solver.
+    pub version: String,
+    /// Which problem it is.
+    pub problem: Fingerprint,
+    /// How many parts there are.
+    pub parts: usize,
+    /// The slices of each.
+    pub slices: usize,
+    /// The lowest so many pairs beside the kernel are computed.
+    pub pairs: usize,
+    /// The dimension of the kernel.
+    pub kernel: usize,
+    /// The largest residual (4.6) asked for.
+    pub tolerance: f64,
+    /// Seeds everything that is drawn at random.
+    pub seed: u64,
+}
+
+impl PartPlan {
+    /// All slices.
+    pub(crate) fn count(&self) -> usize {
+        self.parts * self.slices
+    }
+
+    /// Where a slice begins.
+    pub(crate) fn begin(&self, slice: usize) -> usize {
+        slice * self.pairs / self.count()
+    }
+
+    /// The first pair of a slice, and how many it has, those that it shares with its neighbours included.
+    pub(crate) fn pairs_of(&self, slice: usize) -> (usize, usize) {
+        let (from, to) = (self.begin(slice), self.begin(slice + 1));
+        let from = if slice == 0 { from } else { from - SHARED };
+        let to = if slice + 1 == self.count() { to } else { to + SHARED };
+        (from, to - from)
+    }
+
+    /// What this plan and another differ in.
+    pub fn difference(&self, other: &Self) -> Option<&'static str> {
+        let differ = |differ: bool, what| differ.then_some(what);
+        differ(!self.problem.is_as(&other.problem), "it is of another problem")
+            .or(differ((self.parts, self.slices) != (other.parts, other.slices), "it is divided otherwise"))
+            .or(differ((self.pairs, self.kernel) != (other.pairs, other.kernel), "it has another number of pairs"))
+            .or(differ(self.tolerance != other.tolerance, "it has another tolerance"))
+            .or(differ(self.seed != other.seed, "it has another seed"))
+    }
+}
+
+/// A count of the eigenvalues below a shift, those of the kernel included: at least those below `shift − radius`, at most those below `shift + radius`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct PartCount {
+    /// The shift, on unit area.
+    pub shift: f64,
+    /// How many there are.
+    pub below: usize,
+    /// What rounding may do to the shift.
+    pub radius: f64,
+}
+
+/// The pairs of one slice.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PartSlice {
+    /// The index of the first pair among all but those of the kernel.
+    pub from: usize,
+    /// Ascending, on unit area, less what was taken off the matrix.
+    pub values: Vec<f64>,
+    /// A row for each unknown of the problem, a column for each value.
+    pub vectors: PanelMatrix,
+    /// At the shift among them.
+    pub count: PartCount,
+}
+
+/// What one part found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part {
+    /// Of what it is a part.
+    pub plan: PartPlan,
+    /// Which one, from 0.
+    pub number: usize,
+    /// Its slices from the lowest up; or why they were given up, so that the problem has to be solved in one piece.
+    pub slices: Result<Vec<PartSlice>, String>,
+}
