@@ -4,8 +4,8 @@
 //! them gives the new pairs. The result is dense: `n` numbers for every pair.
 
 use chladni_algebra::{
-    DenseMatrix, FactorError, MassMatrix, Ordering, PANEL_WIDTH, PanelMatrix, SymbolicFactor, SymmetricDefiniteSolver,
-    fill_reducing_order, gpu, mass_times_panel, residual_panel, residual_sums,
+    DenseMatrix, FactorError, MassMatrix, Ordering, PANEL_WIDTH, PanelMatrix, SparseMatrix, SymbolicFactor,
+    SymmetricDefiniteSolver, fill_reducing_order, gpu, mass_times_panel, residual_panel, residual_sums,
 };
 use chladni_base::notes::FALLBACKS;
 use chladni_base::{Cancelled, Monitor, Quiet};
@@ -184,32 +184,61 @@ pub(super) fn inverse_iterations(
     iterations: usize,
     monitor: &dyn Monitor,
 ) -> Result<PanelMatrix, ApproximationError> {
-    inverse_iterations_until(problem, vectors, values, monitor, |done, vectors, _| Ok((vectors, done >= iterations)))
+    let after = |done, vectors, _| Ok((vectors, done >= iterations));
+    inverse_iterations_until(problem, vectors, values, monitor, after).map(|(vectors, _)| vectors)
+}
+
+/// A problem in a fill-reducing order, with the structure of its factors.
+#[derive(Debug)]
+pub(super) struct Ordered {
+    order: Vec<u32>,
+    stiffness: SparseMatrix,
+    mass: MassMatrix,
+    symbolic: SymbolicFactor,
+}
+
+impl Ordered {
+    fn new(problem: &EigenProblem, monitor: &dyn Monitor) -> Result<Self, ApproximationError> {
+        let ordering = if problem.size() > 100_000 { Ordering::NestedDissection } else { Ordering::Amd };
+        let order = fill_reducing_order(&problem.stiffness, ordering).map_err(not_factored)?;
+        monitor.checkpoint()?;
+        let (stiffness, mass) = (problem.stiffness.reordered(&order), problem.mass.reordered(&order));
+        let symbolic = SymbolicFactor::new(&stiffness, &mass)
+            .and_then(|symbolic| symbolic.within(1, monitor))
+            .map_err(not_factored)?;
+        Ok(Self { order, stiffness, mass, symbolic })
+    }
+
+    /// The number of eigenvalues below a shift, with multiplicity (Sylvester): another factor.
+    ///
+    /// # Errors
+    /// [`FactorError`]: a shift on an eigenvalue, or no memory.
+    pub fn below(&self, shift: f64) -> Result<usize, FactorError> {
+        Ok(self.symbolic.factor(&self.stiffness, &self.mass, shift)?.eigenvalues_below())
+    }
+}
+
+fn not_factored(error: FactorError) -> ApproximationError {
+    match error {
+        FactorError::Promise { .. } => ApproximationError::Memory(error.to_string()),
+        other => ApproximationError::Factor(other.to_string()),
+    }
 }
 
 /// Inverse iterations `X ← (K + σM)⁻¹ M X`, of which there is one at least. After each of them `after` is given their number, the columns, and the
-/// shift `σ > 0`; it gives columns to go on with, and whether they are enough.
+/// shift `σ > 0`; it gives columns to go on with, and whether they are enough. The last columns come with what eigenvalues can be counted by.
 pub(super) fn inverse_iterations_until<E: From<ApproximationError> + From<Cancelled> + Send>(
     problem: &EigenProblem,
     mut vectors: PanelMatrix,
     values: &[f64],
     monitor: &dyn Monitor,
     mut after: impl FnMut(usize, PanelMatrix, f64) -> Result<(PanelMatrix, bool), E>,
-) -> Result<PanelMatrix, E> {
+) -> Result<(PanelMatrix, Ordered), E> {
     let (lowest, highest) = (values[0], values[values.len() - 1]);
     let shift = SHIFT * highest.abs().max(1.0) + (-1.1 * lowest).max(0.0);
-    let ordering = if problem.size() > 100_000 { Ordering::NestedDissection } else { Ordering::Amd };
-    let failed = |error: FactorError| match error {
-        FactorError::Promise { .. } => ApproximationError::Memory(error.to_string()),
-        other => ApproximationError::Factor(other.to_string()),
-    };
-    let order = fill_reducing_order(&problem.stiffness, ordering).map_err(failed)?;
-    monitor.checkpoint()?;
-    let stiffness = problem.stiffness.reordered(&order);
-    let mass = problem.mass.reordered(&order);
-    let symbolic =
-        SymbolicFactor::new(&stiffness, &mass).and_then(|symbolic| symbolic.within(1, monitor)).map_err(failed)?;
-    let factor = symbolic.factor(&stiffness, &mass, -shift).map_err(failed)?;
+    let ordered = Ordered::new(problem, monitor)?;
+    let Ordered { order, stiffness, mass, symbolic } = &ordered;
+    let factor = symbolic.factor(stiffness, mass, -shift).map_err(not_factored)?;
     monitor.checkpoint()?;
     for iteration in 1.. {
         let total = vectors.panels().len();
@@ -217,11 +246,11 @@ pub(super) fn inverse_iterations_until<E: From<ApproximationError> + From<Cancel
         vectors.panels_mut().par_iter_mut().try_for_each(|panel| {
             monitor.checkpoint()?;
             let mut own = vec![0.0; panel.len()];
-            gather(panel, &order, &mut own);
-            mass_times_panel(&mass, &own, panel);
+            gather(panel, order, &mut own);
+            mass_times_panel(mass, &own, panel);
             factor.solve_panel(panel);
             own.copy_from_slice(panel);
-            scatter(&own, &order, panel);
+            scatter(&own, order, panel);
             let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
             monitor.progress(done as f64 / total as f64);
             Ok::<(), Cancelled>(())
@@ -232,7 +261,8 @@ pub(super) fn inverse_iterations_until<E: From<ApproximationError> + From<Cancel
             break;
         }
     }
-    Ok(vectors)
+    drop(factor);
+    Ok((vectors, ordered))
 }
 
 /// Row `k` of `out` becomes row `order[k]` of `panel`.

@@ -8,6 +8,7 @@ mod approximate;
 mod balls;
 mod exact;
 mod frames;
+mod lacking;
 mod refined;
 mod space;
 
@@ -50,7 +51,8 @@ pub enum VibrationMethod {
 pub enum Iterations {
     /// So many.
     Exactly(usize),
-    /// Three, and more until the estimated relative error of every frequency is at most this, or ten were made.
+    /// Three, and more until the estimated relative error of every frequency is at most this, or ten were made. Where it is more then, or modes turn out
+    /// to be lacking, all come from a Krylov space.
     Until(f64),
 }
 
@@ -178,8 +180,10 @@ pub fn vibration_modes(
             } else {
                 let columns = (wanted + refined::guards(wanted)).min(unknowns - rigid.motions.len().min(unknowns));
                 let ritz = approximate::modes(&elastic, &rigid, &space, columns, monitor)?;
-                refined::modes(&elastic, &rigid, (&space, ritz), wanted, inverse_iterations, monitor)?
-                    .into_found(&rigid)
+                let refined = refined::modes(&elastic, &rigid, (&space, ritz), wanted, inverse_iterations, monitor)?;
+                drop(space);
+                let asked = lacking::Asked { iterations: inverse_iterations, seed: parameters.seed };
+                lacking::modes(body, &elastic, &rigid, refined, asked, monitor)?
             }
         }
         VibrationMethod::Hsim { tolerance } => {

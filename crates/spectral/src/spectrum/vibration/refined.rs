@@ -4,7 +4,7 @@
 //! How far a frequency still is from that of the mesh is estimated from its last change. An iteration multiplies what a mode holds of others by
 //! `(λ + σ) / (μ + σ)` at most, where `μ` is the highest value that the columns hold, and so the error of its eigenvalue by the square `ρ` of that:
 //! after a change of `δ` about `δ ρ / (1 − ρ)` is left. The highest guards are far too high themselves, so `μ` is taken from the middle of the
-//! guards.
+//! guards. A change does not see what no column holds: eigenvalues are counted for that, in [`super::lacking`].
 
 use chladni_algebra::{DenseMatrix, PanelMatrix, SparseMatrix, SymmetricDefiniteSolver, gpu};
 use chladni_base::Quiet;
@@ -13,7 +13,7 @@ use chladni_base::SplitMix64;
 use super::approximate::{Ritz, threefold};
 use super::exact::apart_from_rigid;
 use super::{ElasticProblem, Found, FoundFunctions, Iterations, Monitor, RigidMotions, VibrationError};
-use crate::spectrum::refine::inverse_iterations_until;
+use crate::spectrum::refine::{Ordered, inverse_iterations_until};
 
 /// Columns beyond the wanted ones that are refined with them.
 pub(super) fn guards(wanted: usize) -> usize {
@@ -31,6 +31,7 @@ const MOST_ITERATIONS: usize = 10;
 const LEAST_DAMPING: f64 = 0.2;
 
 /// Modes, and how far they may be from those of the mesh.
+#[derive(Default)]
 pub(super) struct Refined {
     /// Ascending.
     pub values: Vec<f64>,
@@ -40,22 +41,31 @@ pub(super) struct Refined {
     pub errors: Vec<f64>,
     /// Iterations that were made.
     pub iterations: usize,
+    /// The value and the estimated error of the first guard.
+    pub beyond: Option<(f64, f64)>,
+    /// What eigenvalues are counted by.
+    pub counter: Option<Ordered>,
 }
 
 impl Refined {
+    /// The largest estimated error.
+    pub fn largest_error(&self) -> f64 {
+        self.errors.iter().copied().fold(0.0, f64::max)
+    }
+
     /// With what is known of the errors; nothing proves that no mode is missing.
     pub fn into_found(self, rigid: &RigidMotions) -> Found {
-        let largest = self.errors.iter().copied().fold(0.0, f64::max);
+        let certificate = serde_json::json!({
+            "complete": false,
+            "inverse_iterations": self.iterations,
+            "estimated_error": self.largest_error(),
+            "estimated_errors": self.errors,
+        });
         Found {
             rigid: DenseMatrix::zeros(rigid.motions.len(), self.values.len()),
             values: self.values,
             functions: FoundFunctions::Dense(self.vectors),
-            certificate: serde_json::json!({
-                "complete": false,
-                "inverse_iterations": self.iterations,
-                "estimated_error": largest,
-                "estimated_errors": self.errors,
-            }),
+            certificate,
         }
     }
 }
@@ -78,35 +88,38 @@ pub(super) fn modes(
         add_random(&mut vectors);
     }
     apart_from_rigid(elastic, rigid, &mut vectors, monitor)?;
-    let mut refined =
-        Refined { values: ritz.values, vectors: PanelMatrix::default(), errors: Vec::new(), iterations: 0 };
+    let mut refined = Refined { values: ritz.values, ..Refined::default() };
     if count > 0 {
         let start = refined.values.clone();
-        vectors = inverse_iterations_until(problem, vectors, &start, monitor, |done, mut vectors, shift| {
-            apart_from_rigid(elastic, rigid, &mut vectors, monitor)?;
-            let (stiffness, gram, resident) =
-                accelerator.restrict(&problem.stiffness, &problem.mass, &vectors, monitor)?;
-            let columns = vectors.columns();
-            let pairs = accelerator.lowest(stiffness, gram, columns, &Quiet(monitor))?;
-            accelerator.rotate(&mut vectors, resident, &pairs.vectors, monitor)?;
-            let highest = pairs.values[(count + columns - 1 - RANDOM.min(columns - count)) / 2] + shift;
-            let error = |k: usize| {
-                let damping = ((pairs.values[k] + shift) / highest).powi(2).max(LEAST_DAMPING);
-                let change = (refined.values[k] - pairs.values[k]).max(0.0);
-                // Of a frequency, half of that of its square.
-                0.5 * change / pairs.values[k].max(f64::MIN_POSITIVE) * damping / (1.0 - damping).max(1e-3)
-            };
-            refined.errors = (0..count).map(error).collect();
-            (refined.values, refined.iterations) = (pairs.values, done);
-            let enough = match iterations {
-                Iterations::Exactly(most) => done >= most,
-                Iterations::Until(most) => {
-                    done == MOST_ITERATIONS
-                        || done >= FEWEST_ITERATIONS && refined.errors.iter().all(|&error| error <= most)
-                }
-            };
-            Ok::<_, VibrationError>((vectors, enough))
-        })?;
+        let ordered;
+        (vectors, ordered) =
+            inverse_iterations_until(problem, vectors, &start, monitor, |done, mut vectors, shift| {
+                apart_from_rigid(elastic, rigid, &mut vectors, monitor)?;
+                let (stiffness, gram, resident) =
+                    accelerator.restrict(&problem.stiffness, &problem.mass, &vectors, monitor)?;
+                let columns = vectors.columns();
+                let pairs = accelerator.lowest(stiffness, gram, columns, &Quiet(monitor))?;
+                accelerator.rotate(&mut vectors, resident, &pairs.vectors, monitor)?;
+                let highest = pairs.values[(count + columns - 1 - RANDOM.min(columns - count)) / 2] + shift;
+                let error = |k: usize| {
+                    let damping = ((pairs.values[k] + shift) / highest).powi(2).max(LEAST_DAMPING);
+                    let change = (refined.values[k] - pairs.values[k]).max(0.0);
+                    // Of a frequency, half of that of its square.
+                    0.5 * change / pairs.values[k].max(f64::MIN_POSITIVE) * damping / (1.0 - damping).max(1e-3)
+                };
+                refined.errors = (0..count).map(error).collect();
+                refined.beyond = (count < columns - RANDOM.min(columns)).then(|| (pairs.values[count], error(count)));
+                (refined.values, refined.iterations) = (pairs.values, done);
+                let enough = match iterations {
+                    Iterations::Exactly(most) => done >= most,
+                    Iterations::Until(most) => {
+                        done == MOST_ITERATIONS
+                            || done >= FEWEST_ITERATIONS && refined.errors.iter().all(|&error| error <= most)
+                    }
+                };
+                Ok::<_, VibrationError>((vectors, enough))
+            })?;
+        refined.counter = Some(ordered);
     }
     vectors.keep_columns(count);
     refined.values.truncate(count);
