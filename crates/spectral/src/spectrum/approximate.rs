@@ -23,7 +23,7 @@ use attempt::{Attempt, Remedies};
 pub use attempt::{MOST_COUNTED_IN_SOLID, most_columns};
 pub use error::ApproximationError;
 use reduce::reduce;
-pub(super) use reduce::{Ritz, ritz};
+pub(super) use reduce::{Ritz, ritz, rounding};
 pub use space::{most_initial_columns, subspace};
 
 /// How the subspace is built.

@@ -12,7 +12,7 @@ use chladni_base::{Cancelled, Monitor, Quiet};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::approximate::{ApproximationError, ApproximationParameters, Ritz, search};
+use super::approximate::{ApproximationError, ApproximationParameters, Ritz, rounding, search};
 use super::certificate::KERNEL;
 use super::domain::Domain;
 use super::hsim::Eigenpairs;
@@ -70,6 +70,9 @@ const LEFT: f64 = 0.2;
 
 /// A value that refinement makes larger by more than this share of the last one was made worse by it.
 const WORSE: f64 = 1e-9;
+
+/// A zero that comes out as less than this share of the last value is one.
+const ZERO: f64 = 1e-6;
 
 /// Refined pairs, and what is known of their errors.
 #[derive(Debug)]
@@ -137,13 +140,14 @@ fn on_unit_size(
     };
     monitor.checkpoint()?;
     let n = domain.positions().len();
-    let slack = WORSE * pairs.values.last().map_or(0.0, |last| last.abs());
+    let slack = rounding(problem, pairs.values.last().map_or(0.0, |last| last.abs()), WORSE);
     let worse = |refined: &Eigenpairs| {
         let values = refined.values.iter().map(|value| value * problem.area);
-        // NaN is worse than anything.
-        values
-            .zip(&pairs.values)
-            .position(|(new, &old)| !(new <= old + slack && new >= -operator.floor.abs() - 1e3 * slack))
+        // A zero is known, whatever rounding makes of it. NaN is worse than anything.
+        values.zip(&pairs.values).position(|(new, &old)| {
+            let slack = if old == 0.0 { slack.max(ZERO * pairs.values[pairs.values.len() - 1]) } else { slack };
+            !(new <= old + slack && new >= -operator.floor.abs() - slack)
+        })
     };
     let mut refined = rayleigh_ritz(operator, filtered, count, n, monitor)?;
     if let Some(pair) = worse(&refined) {

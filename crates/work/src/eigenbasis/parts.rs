@@ -162,7 +162,7 @@ mod tests {
         for parameters in [
             json!({"method": "hsim", "count": 130, "tolerance": 1e-6}),
             json!({"method": "hsim", "count": 130, "precision": "f32", "seed": 5}),
-            json!({"method": "hsim", "between": [0.0, 300.0], "at_most": 500}),
+            json!({"method": "hsim", "between": [0.0, 60.0], "at_most": 500}),
         ] {
             let job = job(parameters.clone());
             let whole = job.run(&mesh, &Unwatched).unwrap().product.into_eigenbasis().unwrap();

@@ -245,9 +245,11 @@ impl Work for FieldBasisParameters {
         let columns = blocks * (4 * b * b + 4) * 2 + blocks * b * b * 8;
         // Matrices of the space, and the dense eigenproblem.
         let small = d * 200 * 12 * 2;
+        // While the space is restricted, a product of about a hundred columns for each column, twice, up to what the faces explain.
+        let products = (d * 16 * 10_000).min(f * b * 8 * 24 * 24);
         let ritz = if d <= MOST_DIMENSIONS as u64 { d * d * 8 * 6 } else { 0 };
         let judged = if ritz > 0 { 4 * d * d + self.judging(mesh.faces).bytes() } else { 0 };
-        surface + operator + (columns + small).max(blocks * (4 * b * b + 4) + ritz.max(judged)) + (64 << 20)
+        surface + operator + (columns + small + products).max(blocks * (4 * b * b + 4) + ritz.max(judged)) + (64 << 20)
     }
 
     fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Product, JobError> {

@@ -31,16 +31,20 @@ const UNIT: f64 = 64.0 * f64::EPSILON;
 /// What is more than this share of the last value is no zero.
 const MOST: f64 = 1e-3;
 
+/// What rounding makes of a zero: a share of the last value, or, where parts of a mesh differ in size, of the largest eigenvalue of all.
+pub(in crate::spectrum) fn rounding(problem: &EigenProblem, last: f64, share: f64) -> f64 {
+    let mass = problem.mass.lumped();
+    let own = |row: usize| problem.stiffness.row(row).1.iter().map(|entry| entry.abs()).sum::<f64>() / mass[row];
+    let largest = (0..mass.len()).map(own).filter(|value| value.is_finite()).fold(0.0, f64::max);
+    (share * last).max(UNIT * largest).min(MOST * last)
+}
+
 impl Ritz {
     /// With the lowest values exactly zero where constants on so many components are in the kernel: the functions of a space sum to one, and what a
     /// dense solver finds instead is rounding. Values that are small for another reason can be told from them then.
     pub(super) fn with_zeros(mut self, problem: &EigenProblem, kernel: usize) -> Self {
-        let mass = problem.mass.lumped();
-        let own = |row: usize| problem.stiffness.row(row).1.iter().map(|entry| entry.abs()).sum::<f64>() / mass[row];
-        let largest = (0..mass.len()).map(own).filter(|value| value.is_finite()).fold(0.0, f64::max);
         let values = &mut self.pairs.values;
-        let last = values.last().copied().unwrap_or(0.0);
-        let rounding = (ROUNDING * last).max(UNIT * largest).min(MOST * last);
+        let rounding = rounding(problem, values.last().copied().unwrap_or(0.0), ROUNDING);
         if let Some(lowest) = values.get_mut(..kernel)
             && lowest.iter().all(|value| value.abs() <= rounding)
         {
