@@ -233,8 +233,12 @@ pub struct ProvenModes {
 #[derive(ToSchema)]
 #[allow(dead_code)]
 pub struct EstimatedModes {
-    /// Nothing was counted: false.
+    /// Whether none was skipped: only where exact modes stand in for approximate ones, of which some were lacking or too far off.
     complete: bool,
+    /// Eigenvalues counted below shifts, of approximate modes near the last.
+    inertia: Vec<InertiaCount>,
+    /// How many of those counted the approximate modes lack.
+    lacking: u64,
     /// How often the modes were refined on the mesh.
     inverse_iterations: u64,
     /// The largest estimated relative error of a frequency.

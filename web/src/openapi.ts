@@ -3022,7 +3022,7 @@ export interface components {
         Element: "vertex" | "face" | "tetrahedron";
         /** @description What the approximation estimates of modes. */
         EstimatedModes: {
-            /** @description Nothing was counted: false. */
+            /** @description Whether none was skipped: only where exact modes stand in for approximate ones, of which some were lacking or too far off. */
             complete: boolean;
             /**
              * Format: double
@@ -3031,11 +3031,18 @@ export interface components {
             estimated_error: number;
             /** @description Per mode. */
             estimated_errors: number[];
+            /** @description Eigenvalues counted below shifts, of approximate modes near the last. */
+            inertia: components["schemas"]["InertiaCount"][];
             /**
              * Format: int64
              * @description How often the modes were refined on the mesh.
              */
             inverse_iterations: number;
+            /**
+             * Format: int64
+             * @description How many of those counted the approximate modes lack.
+             */
+            lacking: number;
         };
         /**
          * @description Faces that are spread evenly over a surface, the same in every request: each as far as possible from those before it, so that the first of many

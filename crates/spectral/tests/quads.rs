@@ -423,3 +423,104 @@ fn what_does_not_fit_is_named() {
         assert!(matches!(error, QuadError::Parameter { name: found, .. } if found == name), "{error}");
     }
 }
+
+/// Rings of `sides` vertices each, at radius and height, between two middles or from a middle to an open rim.
+fn turned(sides: usize, rings: &[[f64; 2]], closed: bool) -> TriangleMesh {
+    let (first, last) = (rings[0], rings[rings.len() - 1]);
+    let mut mesh = TriangleMesh { positions: vec![[0.0, 0.0, first[1]]], faces: Vec::new(), ..Default::default() };
+    for [radius, height] in rings {
+        mesh.positions.extend((0..sides).map(|i| {
+            let (s, c) = (std::f64::consts::TAU * i as f64 / sides as f64).sin_cos();
+            [radius * c, radius * s, *height]
+        }));
+    }
+    let at = |ring: usize, i: usize| (1 + ring * sides + i % sides) as u32;
+    mesh.faces.extend((0..sides).map(|i| [0, at(0, i + 1), at(0, i)]));
+    for ring in 1..rings.len() {
+        for i in 0..sides {
+            let [a, b, c, d] = [at(ring - 1, i), at(ring - 1, i + 1), at(ring, i + 1), at(ring, i)];
+            mesh.faces.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+    if closed {
+        mesh.positions.push([0.0, 0.0, last[1]]);
+        let top = mesh.positions.len() as u32 - 1;
+        mesh.faces.extend((0..sides).map(|i| [top, at(rings.len() - 1, i), at(rings.len() - 1, i + 1)]));
+    }
+    mesh
+}
+
+/// As programs for construction cut them: fans of triangles around the middles, each halved twice.
+fn cylinder(sides: usize) -> TriangleMesh {
+    halved(&halved(&turned(sides, &[[0.5, 0.0], [0.5, 1.0]], true)))
+}
+
+fn along(count: usize, at: impl Fn(f64) -> [f64; 2]) -> Vec<[f64; 2]> {
+    (1..=count).map(|i| at(i as f64 / count as f64)).collect()
+}
+
+/// Faces whose corners go the other way round in the plane: counted anew.
+fn turned_over(found: &Parametrisation) -> usize {
+    let area = |[a, b, c]: &[Planar; 3]| {
+        let (p, q) = (minus(*b, *a), minus(*c, *a));
+        p[0] * q[1] - p[1] * q[0]
+    };
+    found.coordinates.iter().filter(|z| area(z) <= 0.0).count()
+}
+
+#[test]
+fn zeros_of_order_four_in_regular_caps_are_split() {
+    let disk = turned(32, &along(10, |t| [t, 0.0]), false);
+    let polygon = turned(12, &along(8, |t| [t, 0.0]), false);
+    let mut cone = turned(32, &[[0.5, 0.0]], true);
+    cone.positions[33][2] = 1.0;
+    let cone = halved(&halved(&cone));
+    let capsule = turned(
+        32,
+        &along(31, |t| {
+            let (s, c) = (std::f64::consts::PI * t * 31.0 / 32.0).sin_cos();
+            [0.5 * s, if c > 0.0 { -0.5 * c } else { 1.0 - 0.5 * c }]
+        }),
+        true,
+    );
+    let cases = [
+        ("cylinder of 16", cylinder(16)),
+        ("cylinder of 24", cylinder(24)),
+        ("cylinder of 32", cylinder(32)),
+        ("cylinder of 64", cylinder(64)),
+        ("cone", cone),
+        ("capsule", capsule),
+        ("disk", disk),
+        ("12-gon", polygon),
+    ];
+    let mut failed = Vec::new();
+    for (name, mesh) in cases {
+        let surface = FieldSurface::new(mesh).unwrap();
+        let cross = CrossField::aligned(&surface, &CrossParameters::default(), &Unwatched).unwrap();
+        let combed = comb(&surface, &cross.field, &[]).unwrap();
+        for integers in [false, true] {
+            for spacing in [1.0 / 30.0, 0.1] {
+                let spacing = spacing * surface.frames().area().sqrt();
+                let creases = cross.creases.clone();
+                let wanted = ParametrisationParameters { spacing, integers, creases, stiffening: 0 };
+                let found = coordinates(&surface, &combed, &wanted);
+                let (worst, _) = seams(&surface, &combed, &found);
+                let turned = turned_over(&found);
+                if integers {
+                    let at = |corner: usize| found.coordinates[corner / 3][corner % 3];
+                    for (_, [low, _]) in corners(&surface).iter().filter(|(e, _)| cross.creases.contains(&(*e as u32)))
+                    {
+                        let (p, q) = (at(low[0]), at(low[1]));
+                        let on = |i: usize| (p[i] - q[i]).abs() < 1e-5 && (p[i] - p[i].round()).abs() < 1e-5;
+                        assert!(on(0) || on(1), "{name}: a crease lies on no line, {p:?} to {q:?}");
+                    }
+                }
+                if 100 * turned >= surface.faces() || worst > 1e-6 {
+                    failed.push(format!("{name} {integers} {spacing}: {turned} of {} {worst:e}", surface.faces()));
+                }
+            }
+        }
+        assert!(cross.crease_error[1] < 1e-3, "{name}: {:?}", cross.crease_error);
+    }
+    assert!(failed.is_empty(), "{failed:#?}");
+}

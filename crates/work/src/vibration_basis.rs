@@ -5,7 +5,9 @@ use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::Product;
 use chladni_spectral::operator::elastic::{Clamps, ElasticBody, Material};
 use chladni_spectral::spectrum::hsim;
-use chladni_spectral::spectrum::vibration::{Iterations, VibrationMethod, VibrationParameters, vibration_modes};
+use chladni_spectral::spectrum::vibration::{
+    Iterations, KEPT_BYTES, VibrationMethod, VibrationParameters, vibration_modes,
+};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -296,6 +298,14 @@ impl Work for VibrationBasisParameters {
         let operator = n * 20 * 9 * (8 + 12);
         // While a shell is assembled, each face has blocks for all pairs of six vertices, twice.
         let assembly = if self.thickness.is_some() { 12_000 } else { 400 } * mesh.faces as u64;
+        // The problem once more, a factor, and the Krylov space with the blocks that are worked on. What comes after holds half as many columns twice.
+        let unknowns = 3 * n;
+        let space = |columns: u64| {
+            let problem = n * 20 * 9 * 12 + hsim::repair_bytes(unknowns);
+            problem + self.factor_bytes(n) + 8 * unknowns * (columns + 64) + 32 * columns * columns
+        };
+        let krylov =
+            |tolerance: f64| hsim::krylov_columns(unknowns as usize, self.count, tolerance).map(|c| space(c as u64));
         let method = match self.method {
             VibrationMethodName::Approximate => {
                 let d = 3 * (self.dimension.unwrap_or(0) as u64).min(3 * n / 2);
@@ -306,11 +316,15 @@ impl Work for VibrationBasisParameters {
                     // those beyond the wanted ones are gone.
                     _ => operator + self.factor_bytes(n) + 8 * 3 * n * (m + m / 2 + 48 + 64 * threads()),
                 };
+                // A Krylov space that may stand in for the modes, beside them where they are few.
+                let instead = match self.inverse_iterations {
+                    None => krylov(TOLERANCE).map_or(0, |space| space + (8 * unknowns * m).min(KEPT_BYTES as u64)),
+                    Some(_) => 0,
+                };
                 // Of these the space and the coefficients stay while modes are refined.
-                (2500 * n + 32 * d * d).max(600 * n + refined) + 8 * d * m
+                (2500 * n + 32 * d * d).max(600 * n + refined).max(instead) + 8 * d * m
             }
             VibrationMethodName::Hsim => {
-                let unknowns = 3 * n;
                 let tolerance = self.tolerance.unwrap_or(TOLERANCE);
                 // The problem twice more, two factors, three blocks of columns with guards, dense problems of the start.
                 let iteration = 2 * operator
@@ -319,16 +333,8 @@ impl Work for VibrationBasisParameters {
                     + 24 * 64 * unknowns
                     + hsim::repair_bytes(unknowns)
                     + (96 << 20);
-                // The problem once more, a factor, and the Krylov space with the blocks that are worked on. What comes after holds half as many columns twice. An iteration is
-                // promised beside it only where that is not much: a space that fails is rare, and ends there if there is no room.
-                let space = |columns: u64| {
-                    let problem = n * 20 * 9 * 12 + hsim::repair_bytes(unknowns);
-                    problem + self.factor_bytes(n) + 8 * unknowns * (columns + 64) + 32 * columns * columns
-                };
-                match hsim::krylov_columns(unknowns as usize, self.count, tolerance) {
-                    Some(columns) => space(columns as u64).max(iteration.min(LITTLE)),
-                    None => iteration,
-                }
+                // An iteration is promised beside the space only where that is not much: a space that fails is rare, and ends there if there is no room.
+                krylov(tolerance).map_or(iteration, |space| space.max(iteration.min(LITTLE)))
             }
         };
         input + operator + method.max(assembly) + (80 << 20)

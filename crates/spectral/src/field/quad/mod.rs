@@ -7,6 +7,7 @@
 //! | `split` | faces with several of them, split so that each part has one |
 //! | `aligned` | the smoothest cross field of all that follow them |
 //! | `smoothest` | its equations, by a factor or by multigrid cycles |
+//! | `simple` | its zeros of higher order, split |
 //! | `combing` | directions that go on from face to face, the matching, and the cut |
 //! | `seams` | how coordinates go on across the cut |
 //! | `dissection` | the order in which vertices of large surfaces are eliminated |
@@ -26,6 +27,7 @@ mod integrate;
 mod relax;
 mod rounding;
 mod seams;
+mod simple;
 mod smoothest;
 mod split;
 mod system;
@@ -88,6 +90,16 @@ pub enum QuadError {
     Contradiction {
         /// The face.
         face: u32,
+    },
+    /// The smoothest field has a zero of so high an order that no quads meet there.
+    #[error(
+        "around vertex {vertex} the smoothest field has the index {index}, where no quads can meet, and no field near it has less: give a direction on a face beside it"
+    )]
+    Zero {
+        /// The vertex.
+        vertex: u32,
+        /// The index.
+        index: f64,
     },
     /// Too many coordinates would have to be rounded.
     #[error(

@@ -16,6 +16,7 @@ use super::super::principal::{DirectionField, curvature_tensors, principal_direc
 use super::super::refine::RefineError;
 use super::super::refine_response::conjugate_gradients;
 use super::QuadError;
+use super::simple::split_zeros;
 use crate::operator::frames::{Planar, normalise};
 use crate::operator::tangential::FieldOperator;
 use crate::operator::transport::{FieldKind, transport_stiffness};
@@ -48,12 +49,15 @@ const SETTLED: f64 = 3e-4;
 /// A quotient below this is that of a field without energy.
 const IDLE: f64 = 1e-7;
 
-const KIND: FieldKind = FieldKind::NVector { n: 4 };
+pub(super) const KIND: FieldKind = FieldKind::NVector { n: 4 };
+
+/// For each face a weight, and for each number of a field its target times that.
+type Pull = (Vec<f64>, Vec<f64>);
 
 /// What is asked of a field: values held on faces, and for each of its numbers a weight and a target to be near.
 struct Wanted<'a> {
     held: &'a [Option<Planar>],
-    pull: Option<(Vec<f64>, Vec<f64>)>,
+    pull: Option<Pull>,
     /// Of each face whether its component has values that are held, or is pulled.
     bound: Vec<bool>,
 }
@@ -69,17 +73,24 @@ pub(super) fn smoothest(
     monitor: &dyn Monitor,
 ) -> Result<Vec<Planar>, QuadError> {
     let wanted = Wanted::new(surface, held, curvature);
-    let field = if surface.faces() > LARGE {
-        match by_levels(surface, &wanted, monitor) {
-            Ok(field) => field,
-            Err(RefineError::Cancelled(cancelled)) => return Err(cancelled.into()),
-            // Cycles that lead nowhere, on triangles without any shape: the factor is slower and does not mind.
-            Err(_) => by_factor(surface, &wanted, monitor)?,
-        }
-    } else {
-        by_factor(surface, &wanted, monitor)?
-    };
+    let field = solved(surface, &wanted, monitor)?;
+    let field = split_zeros(surface, held, field, |push| {
+        let still: Vec<Option<Planar>> = held.iter().map(|held| held.map(|_| [0.0; 2])).collect();
+        solved(surface, &wanted.pushed(surface, &still, push), monitor)
+    })?;
     Ok(field.into_iter().zip(held).map(|(value, held)| held.unwrap_or_else(|| normalise(value))).collect())
+}
+
+fn solved(surface: &FieldSurface, wanted: &Wanted, monitor: &dyn Monitor) -> Result<Vec<Planar>, QuadError> {
+    if surface.faces() <= LARGE {
+        return by_factor(surface, wanted, monitor);
+    }
+    match by_levels(surface, wanted, monitor) {
+        Ok(field) => Ok(field),
+        Err(RefineError::Cancelled(cancelled)) => Err(cancelled.into()),
+        // Cycles that lead nowhere, on triangles without any shape: the factor is slower and does not mind.
+        Err(_) => by_factor(surface, wanted, monitor),
+    }
 }
 
 impl<'a> Wanted<'a> {
@@ -100,17 +111,28 @@ impl<'a> Wanted<'a> {
         }
         let weight = |face: usize, weight: f64| curvature * areas[face] * weight;
         let pull = pull.map(|pull| {
-            let weights = pull.weights.iter().enumerate().map(|(face, &own)| weight(face, own)).collect();
-            (weights, pull.target)
+            let weights: Vec<f64> = pull.weights.iter().enumerate().map(|(face, &own)| weight(face, own)).collect();
+            let targets = pull.target.iter().enumerate().map(|(i, target)| weights[i / 2] * target).collect();
+            (weights, targets)
         });
         Self { held, pull, bound: components.iter().map(|&c| bound[c as usize]).collect() }
     }
 
     /// The weight of a face, and its weighted target.
     fn pulled(&self, face: usize) -> (f64, Planar) {
-        self.pull.as_ref().map_or((0.0, [0.0; 2]), |(weights, target)| {
-            (weights[face], [0, 1].map(|i| weights[face] * target[2 * face + i]))
-        })
+        self.pull
+            .as_ref()
+            .map_or((0.0, [0.0; 2]), |(weights, targets)| (weights[face], [0, 1].map(|i| targets[2 * face + i])))
+    }
+
+    /// The same where nothing but a push acts: `still` are zeros where values are held. What nothing binds answers within its own size.
+    fn pushed<'b>(&self, surface: &FieldSurface, still: &'b [Option<Planar>], push: Vec<f64>) -> Wanted<'b> {
+        let weight = |(face, &area): (usize, &f64)| match self.bound[face] {
+            true => self.pulled(face).0,
+            false => FREE_SHIFT * area,
+        };
+        let weights = surface.frames().areas().iter().enumerate().map(weight).collect();
+        Wanted { held: still, pull: Some((weights, push)), bound: vec![true; surface.faces()] }
     }
 }
 

@@ -4,8 +4,11 @@
 //! eigenvalue below it is lacking. The inertia of one factor tells (Sylvester). What is lacking no inverse iteration brings soon: a thin shell has many
 //! modes with nearly the same frequency, and those that the local functions lack altogether grow by a hundredth in a step. A Krylov space finds them.
 
+use chladni_algebra::PanelMatrix;
+
 use super::refined::Refined;
 use super::{ElasticBody, ElasticProblem, Found, Iterations, Monitor, RigidMotions, VibrationError, exact};
+use crate::spectrum::refine::Ordered;
 
 /// A value may lie above its eigenvalue by this many times its estimated error, as a share of the eigenvalue: twice because of the square, and twice
 /// because it is an estimate.
@@ -16,6 +19,9 @@ const GAP: f64 = 1e-4;
 
 /// Residuals of a Krylov space that stands in.
 const TOLERANCE: f64 = 1e-3;
+
+/// Refined modes of more bytes are given up before exact ones are computed instead: there would be no room for both.
+pub const KEPT_BYTES: usize = 64 << 20;
 
 /// More counts, where all that is left is to say how far off the values are.
 const MORE_COUNTS: usize = 4;
@@ -44,49 +50,59 @@ pub(super) fn modes(
     asked: Asked,
     monitor: &dyn Monitor,
 ) -> Result<Found, VibrationError> {
-    let (Some(counter), Some(place)) = (refined.counter.take(), place(&refined)) else {
-        return Ok(refined.into_found(rigid));
-    };
+    let mut counter = refined.counter.take();
+    let Some(place) = place(&refined).filter(|_| counter.is_some()) else { return Ok(refined.into_found(rigid)) };
     monitor.stage("certify");
     let free = rigid.motions.len();
     // A factor that fails says nothing about the modes.
-    let count = |shift: f64| counter.below(shift).ok().map(|below| below.saturating_sub(free));
-    let below = count(place.shift);
+    let count = |counter: &Option<Ordered>, shift: f64| {
+        counter.as_ref().and_then(|counter| counter.below(shift).ok()).map(|below| below.saturating_sub(free))
+    };
+    let below = count(&counter, place.shift);
     monitor.checkpoint()?;
     let lacking = below.map_or(0, |below| below.saturating_sub(place.values));
     let iterations = refined.iterations;
     if let Iterations::Until(most) = asked.iterations
         && (lacking > 0 || refined.largest_error() > most)
     {
+        let kept = 8 * elastic.problem.size() * refined.values.len() <= KEPT_BYTES;
+        if !kept {
+            (refined.vectors, counter) = (PanelMatrix::default(), None);
+        }
         match exact::modes(body, elastic, rigid, refined.values.len(), TOLERANCE.min(most), asked.seed, monitor) {
             Ok(found) => return Ok(standing_in(found, iterations, lacking)),
             Err(VibrationError::Cancelled(cancelled)) => return Err(cancelled.into()),
+            Err(error) if !kept => return Err(error),
             Err(_) => {}
         }
     }
     if lacking > 0 {
         let last = refined.values.len() - 1;
-        let above = lower(refined.values[0], place.shift, last, count, monitor)?;
+        let above = lower(refined.values[0], place.shift, last, |shift| count(&counter, shift), monitor)?;
         let error = (refined.values[last] / above).sqrt() - 1.0;
         refined.errors.iter_mut().for_each(|own| *own = own.max(error));
     }
     let mut found = refined.into_found(rigid);
     if let Some(below) = below {
-        found.certificate["counted"] =
+        found.certificate["inertia"] =
             serde_json::json!([{"shift": place.shift * elastic.eigenvalue_scale, "below": free + below}]);
         found.certificate["lacking"] = lacking.into();
     }
     Ok(found)
 }
 
-/// Modes of a Krylov space with what those say that were asked for.
+/// Modes of a Krylov space with what approximate ones say of themselves.
 fn standing_in(mut found: Found, iterations: usize, lacking: usize) -> Found {
     // Of a frequency, half of that of its square.
     let error = found.certificate["largest_residual"].as_f64().map_or(TOLERANCE, |residual| 0.5 * residual);
-    found.certificate["inverse_iterations"] = iterations.into();
-    found.certificate["lacking"] = lacking.into();
-    found.certificate["estimated_error"] = error.into();
-    found.certificate["estimated_errors"] = vec![error; found.values.len()].into();
+    found.certificate = serde_json::json!({
+        "complete": true,
+        "inertia": found.certificate["inertia"],
+        "lacking": lacking,
+        "inverse_iterations": iterations,
+        "estimated_error": error,
+        "estimated_errors": vec![error; found.values.len()],
+    });
     found
 }
 

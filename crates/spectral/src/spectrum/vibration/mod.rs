@@ -12,6 +12,8 @@ mod lacking;
 mod refined;
 mod space;
 
+pub use lacking::KEPT_BYTES;
+
 use chladni_algebra::{DenseMatrix, EigenError, FactorError, GalerkinError, PANEL_WIDTH, residual_panel};
 use chladni_base::{Cancelled, Monitor};
 use rayon::prelude::*;

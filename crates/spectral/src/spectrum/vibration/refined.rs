@@ -57,6 +57,8 @@ impl Refined {
     pub fn into_found(self, rigid: &RigidMotions) -> Found {
         let certificate = serde_json::json!({
             "complete": false,
+            "inertia": [],
+            "lacking": 0,
             "inverse_iterations": self.iterations,
             "estimated_error": self.largest_error(),
             "estimated_errors": self.errors,

@@ -327,3 +327,68 @@ fn what_is_no_object_is_refused_by_name() {
     let none = TriangleMesh { positions: vec![[0.0; 3]; 3], faces: vec![[0, 1, 2]], ..Default::default() };
     assert_eq!(ask(&none, 0.1, 3, vec![]), "the mesh has no area");
 }
+
+/// Around its twelve vertices of valence five a thin icosphere has modes that no local function holds, within a hundredth of others.
+#[test]
+fn estimates_of_thin_closed_shells_are_true_although_the_space_lacks_modes() {
+    let mesh = generate(Shape::Sphere, 642).unwrap();
+    for (thickness, count) in [(0.001, 60), (0.003, 60), (0.003, 30)] {
+        let body = ElasticBody::Shell { mesh: &mesh, thickness };
+        let exact = dense_values(body, count, &[]);
+        for (seed, inverse_iterations) in [
+            (0, Iterations::Until(0.01)),
+            (1, Iterations::Until(0.01)),
+            (2, Iterations::Until(0.01)),
+            (0, Iterations::Exactly(3)),
+        ] {
+            let method = VibrationMethod::Approximate { dimension: 120, local_coordinates: true, inverse_iterations };
+            let parameters =
+                VibrationParameters { count, material: MATERIAL, clamped: Clamps::default(), method, seed };
+            let basis = vibration_modes(body, &parameters, &Unwatched).unwrap();
+            let certificate = &basis.metadata["certificate"];
+            let said = certificate["estimated_error"].as_f64().unwrap();
+            let each = certificate["estimated_errors"].as_array().unwrap();
+            assert_eq!(each.len(), count - 6);
+            let mut worst = 0.0f64;
+            for (k, (found, exact)) in basis.eigenvalues.iter().zip(&exact).enumerate().skip(6) {
+                let error = (found / exact).sqrt() - 1.0;
+                assert!(error > -1e-6, "{k}: {error}");
+                assert!(error <= 2.0 * each[k - 6].as_f64().unwrap() + 1e-6, "{thickness}, {seed}, {k}: {error}");
+                worst = worst.max(error);
+            }
+            let context = format!("{thickness}, {count}, {seed}, {inverse_iterations:?}: {said}, {worst}");
+            assert!(certificate["lacking"].as_u64().unwrap() > 0, "{context}");
+            match inverse_iterations {
+                Iterations::Until(most) => assert!(said <= most && certificate["complete"] == true, "{context}"),
+                Iterations::Exactly(_) => assert!(said < 3.0 * worst && worst > 0.03, "{context}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn nothing_is_lacking_where_the_local_functions_hold_all_modes() {
+    let (knot, torus) = (generate(Shape::Knot, 1500).unwrap(), generate(Shape::Torus, 900).unwrap());
+    let (square, bar) = (plate(1.0, 1.0, 24, 24), bar([4.0, 1.0, 1.0], [16, 4, 4]));
+    for (name, body, clamped) in [
+        ("knot", ElasticBody::Shell { mesh: &knot, thickness: 0.05 }, vec![]),
+        ("torus", ElasticBody::Shell { mesh: &torus, thickness: 0.01 }, vec![]),
+        ("plate", ElasticBody::Shell { mesh: &square, thickness: 0.01 }, vec![]),
+        ("clamped plate", ElasticBody::Shell { mesh: &square, thickness: 0.01 }, (0..25).collect()),
+        ("bar", ElasticBody::Solid { mesh: &bar }, vec![]),
+    ] {
+        let exact = dense_values(body, 40, &clamped);
+        let inverse_iterations = Iterations::Until(0.01);
+        let method = VibrationMethod::Approximate { dimension: 80, local_coordinates: true, inverse_iterations };
+        let basis = modes(body, 40, clamped, method);
+        let certificate = &basis.metadata["certificate"];
+        let said = certificate["estimated_error"].as_f64().unwrap();
+        let errors = basis.eigenvalues.iter().zip(&exact).skip(basis.rigid).map(|(a, b)| (a / b).sqrt() - 1.0);
+        let worst = errors.fold(0.0, f64::max);
+        assert!(worst <= 2.0 * said + 1e-9 && said <= 0.01, "{name}: {worst}, {said}");
+        assert_eq!((&certificate["complete"], &certificate["lacking"]), (&false.into(), &0.into()), "{name}");
+        let counted = &certificate["inertia"][0];
+        let below = exact.iter().filter(|&&value| value < counted["shift"].as_f64().unwrap()).count();
+        assert_eq!(counted["below"].as_u64(), Some(below as u64), "{name}");
+    }
+}
