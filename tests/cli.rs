@@ -4,6 +4,8 @@
 mod batch;
 #[path = "cli/collection.rs"]
 mod collection;
+#[path = "cli/strictness.rs"]
+mod strictness;
 
 use chladni_mesh::shape::{Shape, generate};
 use chladni_mesh::write::write_ply;
