@@ -6,6 +6,8 @@ mod batch;
 mod collection;
 #[path = "cli/parts.rs"]
 mod parts;
+#[path = "cli/strictness.rs"]
+mod strictness;
 
 use chladni_mesh::shape::{Shape, generate};
 use chladni_mesh::write::write_ply;

@@ -86,16 +86,28 @@ def functions(values: Any, rows: int, what: str) -> tuple[np.ndarray, bool]:
     return np.asfortranarray(array), single
 
 
-def vertex_list(vertices: Any, what: str) -> tuple[list[int], bool]:
-    """Numbers of vertices, and whether it was a single one."""
+def finite(values: np.ndarray, kept: np.ndarray, what: str) -> None:
+    """Refuses functions with a number at a kept vertex that is not finite; those at dropped ones are not looked at. `kept` tells which are kept."""
+    bad = ~np.isfinite(values).all(axis=1) & kept
+    if bad.any():
+        row = int(np.flatnonzero(bad)[0])
+        column = int(np.flatnonzero(~np.isfinite(values[row]))[0])
+        of = f" of function {column}" if values.shape[1] > 1 else ""
+        raise parameter_error(f"{what} are {values[row, column]} at vertex {row}{of}, where finite numbers are due")
+
+
+def vertex_list(vertices: Any, what: str, kind: str = "vertex") -> tuple[list[int], bool]:
+    """Numbers of vertices, or of another `kind` of thing, and whether it was a single one."""
     array = np.asarray(vertices)
     if array.dtype.kind not in "iu" or array.ndim > 1:
-        raise parameter_error(f"{what} are {vertices!r}, where a vertex or a list of vertices is due")
+        many = "vertices" if kind == "vertex" else f"{kind}s"
+        given = repr(vertices) if np.size(vertices) <= 8 and array.ndim <= 1 else f"an array of the dtype {array.dtype} and the shape {array.shape}"
+        raise parameter_error(f"{what} are {given}, where the number of a {kind} or a list of numbers of {many} is due")
     single = array.ndim == 0
     listed = [int(vertex) for vertex in np.atleast_1d(array)]
     for place, vertex in enumerate(listed):
         if not 0 <= vertex < 2**32 - 1:
-            raise parameter_error(f"{what}: number {place} is vertex {vertex}, which there is not")
+            raise parameter_error(f"{what}: entry {place} is {kind} {vertex}, which there is not")
     return listed, single
 
 

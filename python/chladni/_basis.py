@@ -70,7 +70,8 @@ class Basis:
         path : path
             The file.
         mesh : Mesh, optional
-            The mesh that the basis lives on: needed for geodesic distances by it, and numbers the rows.
+            The mesh that the basis lives on: needed for geodesic distances by it, and numbers the rows. Its masses are compared with those of the basis, so that another mesh of as many
+            vertices is not taken for it, nor one that is scaled or numbered differently.
 
         Returns
         -------
@@ -80,6 +81,8 @@ class Basis:
         ------
         FormatError
             The member that is missing or damaged is named.
+        ParameterError
+            The mesh is another one; the first vertex that differs is named.
         """
         maps = None
         if mesh is None:
@@ -243,6 +246,12 @@ class Basis:
         ((2562, 2), True)
         """
         _arrays.flag(kind, "kind", ("hks", "wks", "gps"))
+        if times is not None and kind != "hks":
+            raise _arrays.parameter_error(f"times belong to the heat kernel, \"hks\", and not to \"{kind}\"")
+        if times is not None and count is not None:
+            raise _arrays.parameter_error("either times or count, not both: each time is a column")
+        if normalised and kind != "hks":
+            raise _arrays.parameter_error(f"normalised belongs to the heat kernel, \"hks\", and not to \"{kind}\"")
         listed = None if vertices is None else _arrays.vertex_list(vertices, "vertices")[0]
         moments = None if times is None else [float(time) for time in np.atleast_1d(_arrays.numeric(times, "times"))]
         return self._core.signatures(kind, moments, count, bool(normalised), listed, is_nearest(extend))
@@ -419,8 +428,11 @@ class Basis:
             request: dict[str, Any] = {"kind": "samples", "values": [float(x) for x in factors], "beyond": beyond, **parameters}
         else:
             request = dict(transfer, **parameters) if isinstance(transfer, dict) else {"kind": transfer, **parameters}
-        columns, single = _arrays.functions(functions, self.shape[0], "functions")
-        text = json.dumps(request, default=_plain)
+        columns, single = self._functions(functions)
+        try:
+            text = json.dumps(request, default=_plain, allow_nan=False)
+        except ValueError:
+            raise _arrays.parameter_error(f"transfer: {_not_finite(request)}, where finite numbers are due") from None
         filtered = self._core.filter(columns, text, is_nearest(extend))
         return filtered[:, 0] if single else filtered
 
@@ -437,7 +449,7 @@ class Basis:
         numpy.ndarray, (m,) or (m, k)
             A coefficient for each eigenfunction.
         """
-        columns, single = _arrays.functions(functions, self.shape[0], "functions")
+        columns, single = self._functions(functions)
         found = self._core.project(columns)
         return found[:, 0] if single else found
 
@@ -465,6 +477,15 @@ class Basis:
         found = self._core.reconstruct(whole, is_nearest(extend))
         return found[:, 0] if single else found
 
+    def _functions(self, functions: Any) -> tuple[np.ndarray, bool]:
+        """Functions in Fortran order, finite wherever a vertex was kept, and whether it was a single one."""
+        columns, single = _arrays.functions(functions, self.shape[0], "functions")
+        if not np.isfinite(columns).all():
+            whole = self._core.of_fields()
+            kept = np.ones(len(columns), dtype=bool) if whole else self._core.vertex_map()[: len(columns)] >= 0
+            _arrays.finite(columns, kept, "functions")
+        return columns, single
+
     def __len__(self) -> int:
         return self.shape[1]
 
@@ -486,6 +507,18 @@ class Basis:
         more = f"<tr><td colspan='4'>and {len(self) - shown} more</td></tr>" if shown < len(self) else ""
         head = "<tr><th></th><th>eigenvalue</th><th>residual</th><th>bound</th></tr>"
         return f"<p>{html.escape(repr(self))}</p>{_view.frame(self) or ''}<table>{head}{rows}{more}</table>"
+
+
+def _not_finite(request: dict[str, Any]) -> str:
+    """Which number of a request is none that JSON has."""
+    for name, value in request.items():
+        if name == "kind":
+            continue
+        numbers = np.asarray(value, dtype=float)
+        if not np.isfinite(numbers).all():
+            at = tuple(int(k) for k in np.argwhere(~np.isfinite(numbers))[0])
+            return f"{name}{''.join(f'[{k}]' for k in at)} is {numbers[at]}"
+    return "a number is infinite or none"
 
 
 def _plain(value: Any) -> Any:

@@ -219,7 +219,7 @@ class Client:
         if isinstance(S, str) and M is not None:
             raise _arrays.parameter_error("S is the identifier of a problem, which has its own mass: M belongs to matrices")
         identifier = S if isinstance(S, str) else self.problem(S, M)
-        rows, _ = _arrays.vertex_list(fixed, "fixed") if np.size(fixed) else ([], False)
+        rows, _ = _arrays.vertex_list(fixed, "fixed", "row") if np.size(fixed) else ([], False)
         parameters: dict[str, Any] = {"tolerance": _arrays.number(tol, "tol") or _pencil._LEAST, "seed": _arrays.whole(seed, "seed"), "precision": "f64"}
         parameters["fixed"] = [int(row) for row in rows]
         if below is not None:
@@ -357,6 +357,12 @@ class RemoteBasis(Basis):
         maps = None if mesh is not None else (self.vertex_map.astype(np.int32), np.empty(0, dtype=np.int32))
         return Basis._of(_native.Basis.of_bytes(content, None if mesh is None else mesh._core, maps), mesh)
 
+    def loss_gradient(self, weights: Any, functions: Any) -> np.ndarray:
+        """The gradient of a loss by positions, as `Basis.loss_gradient`: computed here, of the basis as it is downloaded, which needs its mesh."""
+        if self.mesh is None:
+            raise _arrays.parameter_error("the gradient of a loss is computed here and needs the mesh: client.basis(identifier, mesh)")
+        return self.download().loss_gradient(weights, functions)
+
     def __reduce__(self) -> tuple[Any, ...]:
         return self.download().__reduce__()
 
@@ -455,6 +461,9 @@ class _RemoteNative:
 
     def project(self, functions: np.ndarray) -> np.ndarray:
         return self._table("project", self._raw(functions), _OCTETS)
+
+    def value_gradient(self, weights: list[float]) -> np.ndarray:
+        return self._table("value-gradient", np.asarray(weights, dtype="<f8").tobytes(), _OCTETS)
 
     def reconstruct(self, coefficients: np.ndarray, nearest: bool) -> np.ndarray:
         return self._table("reconstruct", self._raw(coefficients), _OCTETS, extend=_extend(nearest))

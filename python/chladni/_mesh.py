@@ -292,6 +292,10 @@ class Mesh:
             return f"<chladni.Mesh: {len(self.vertices)} points>"
         genus = f", genus {report['genus']}" if report.get("genus") is not None else ", not manifold or not orientable"
         closed = ", closed" if report["closed"] else f", {report['boundary_loops']} boundary loops"
+        solid = report.get("solid")
+        if solid:
+            # Faces are those of its surface, whatever the arrays or the file had of them.
+            return f"<chladni.Mesh: a solid of {solid['vertices']} vertices and {solid['tetrahedra']} tetrahedra, with a surface of {report['faces']} faces{genus}{closed}>"
         return f"<chladni.Mesh: {len(self.vertices)} vertices, {len(self.faces)} faces{genus}{closed}>"
 
 
@@ -372,7 +376,8 @@ def arrays_of(something: Any) -> tuple[Any, Any]:
         for name in ("faces", "triangles"):
             if hasattr(something, name):
                 return np.asarray(something.vertices), np.asarray(getattr(something, name))
-    raise _arrays.parameter_error(f"a {type(something).__name__} is no mesh: pass vertices and faces")
+    kind = "an array" if isinstance(something, np.ndarray) else f"an object of the type {type(something).__name__}"
+    raise _arrays.parameter_error(f"{kind} is no mesh: pass vertices and faces")
 
 
 def regular_faces(listed: Any) -> np.ndarray:

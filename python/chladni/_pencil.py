@@ -126,7 +126,7 @@ def eigsh(
     stiffness = _csr(S, "S")
     n = stiffness.shape[0]
     diagonal, mass = _mass(M, n)
-    rows, _ = _arrays.vertex_list(fixed, "fixed") if np.size(fixed) else ([], False)
+    rows, _ = _arrays.vertex_list(fixed, "fixed", "row") if np.size(fixed) else ([], False)
     request: dict[str, Any] = {"tolerance": _arrays.number(tol, "tol") or _LEAST, "seed": _arrays.whole(seed, "seed"), "most": n if k is None else _arrays.whole(k, "k", least=1)}
     if below is not None:
         request["below"] = float(below)
@@ -163,6 +163,8 @@ def _check_wanted(
     for name, given in (("below", below), ("between", between), ("sigma", sigma), ("tol", tol)):
         if given is not None and not np.all(np.isfinite(given)):
             raise _arrays.parameter_error(f"{name} is {given}, where finite numbers are due")
+    if between is not None and not float(between[0]) < float(between[1]):
+        raise _arrays.parameter_error(f"between is {between}, where the first has to be below the second")
 
 
 def _csr(matrix: Any, name: str) -> Any:

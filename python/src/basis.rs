@@ -14,6 +14,7 @@ use chladni_spectral::basis::Basis;
 use chladni_spectral::formats::npz;
 use chladni_work::distances::DistanceRequest;
 use chladni_work::numbered::{pull, push};
+use chladni_work::own_mesh::{StrangeMesh, check_own_mesh};
 use chladni_work::value_gradient::{gradient, loss_gradient};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyOSError;
@@ -100,15 +101,18 @@ impl NativeBasis {
         let n = basis.vertices();
         let mut made = Self::new(Arc::new(basis), mesh.map(|mesh| Arc::clone(&mesh.body)), Vec::new());
         if let Some(body) = &made.mesh {
-            let rows = [
-                2 * body.mesh().faces.len(),
-                body.mesh().positions.len(),
-                body.checked.solid.as_ref().map_or(0, |solid| solid.positions.len()),
-            ];
-            if !rows.contains(&n) {
-                let message = format!("the basis has {n} rows and the mesh {} vertices", rows[1]);
-                return Err(Failure::parameter(message).into());
-            }
+            let (basis, to) = (&made.basis, translation(&made.numbering, false));
+            let solid = body.checked.solid.as_ref();
+            watch::run(py, None, |monitor| {
+                check_own_mesh(basis, body.mesh(), solid, monitor).map_err(|mut strange| {
+                    match &mut strange {
+                        StrangeMesh::Mass { vertex, .. } => *vertex = to.file_vertex(*vertex as u32) as usize,
+                        StrangeMesh::Area { face, .. } => *face = to.file_face(*face as u32) as usize,
+                        StrangeMesh::Rows { .. } | StrangeMesh::Operator(_) => {}
+                    }
+                    Failure::parameter(strange.to_string())
+                })
+            })?;
         } else if let Some((vertices, faces)) = maps {
             let numbering = Numbering::from_maps(arrays::numbers(&vertices)?, arrays::numbers(&faces)?, n);
             // Maps of a mesh that was divided, or of a surface inside a solid, do not tell all: the numbering is then that of the mesh.

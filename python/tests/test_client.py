@@ -35,7 +35,11 @@ def test_answers_are_those_of_here(client, knot, tmp_path):
     assert type(local) is chladni.Basis and np.array_equal(local.values, there.values)
     there.save(tmp_path / "there.npz")
     assert chladni.Basis.load(tmp_path / "there.npz").shape == here.shape
+    weights = [0.0, 1.0, 0.5]
+    assert np.allclose(there.value_gradient(weights), here.value_gradient(weights), atol=1e-6)
     again = client.basis(there.id)
+    with pytest.raises(chladni.ParameterError, match="needs the mesh"):
+        again.loss_gradient(weights, np.zeros((len(vertices), 1)))
     assert np.array_equal(again.values, there.values) and again.shape == here.shape
     assert client.upload(vertices, knot.faces + 1) == client.upload(vertices, knot.faces + 1)
 

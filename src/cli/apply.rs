@@ -17,6 +17,7 @@ use chladni_spectral::basis::{Basis, StoredFields};
 use chladni_spectral::formats::npz;
 use chladni_work::design::{DesignFault, DesignRequest, Form, Setting, Surface, written, written_at};
 use chladni_work::distances::DistanceRequest;
+use chladni_work::own_mesh::{StrangeMesh, check_own_mesh};
 use serde::de::DeserializeOwned;
 use serde_json::json;
 
@@ -52,13 +53,16 @@ impl Stored {
         let (basis, body) = (self.read(npz::read)?, self.input.load_body()?);
         let CheckedMesh { mut mesh, numbering, attributes, .. } = body.surface;
         let to = self.numbered.translation(Arc::new(numbering));
+        check_own_mesh(&basis, &mesh, body.solid.as_ref(), &Unwatched).map_err(|mut strange| {
+            match &mut strange {
+                StrangeMesh::Mass { vertex, .. } => *vertex = to.file_vertex(*vertex as u32) as usize,
+                StrangeMesh::Area { face, .. } => *face = to.file_face(*face as u32) as usize,
+                StrangeMesh::Rows { .. } | StrangeMesh::Operator(_) => {}
+            }
+            CliError::mesh(&self.basis, strange)
+        })?;
         if let (true, Some(solid)) = (basis.is_of_solid(), body.solid) {
             mesh.positions = solid.positions;
-        }
-        let (rows, vertices) = (basis.vertices(), mesh.positions.len());
-        if rows != vertices {
-            let reason = format!("the basis has {rows} rows and the mesh {vertices} vertices");
-            return Err(CliError::mesh(&self.basis, reason));
         }
         Ok((basis, mesh, to, attributes))
     }

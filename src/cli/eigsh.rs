@@ -137,7 +137,10 @@ impl EigshArguments {
         let basis = pool.install(|| {
             clock.stage("read");
             let pencil = self.pencil(&clock)?;
-            let pairs = solve(&pencil, &parameters, &clock).map_err(|error| CliError::Refused(error.to_string()))?;
+            let pairs = solve(&pencil, &parameters, &clock).map_err(|error| match error.kind() {
+                "invalid-parameters" => CliError::Usage(error.to_string()),
+                _ => CliError::Refused(error.to_string()),
+            })?;
             let (rows, unknowns) = (pencil.rows(), pencil.unknowns());
             let basis = pairs.into_basis(&pencil, Precision::F64, self.about(&parameters), &clock);
             Ok::<_, CliError>((basis.map_err(|error| CliError::Refused(error.to_string()))?, rows, unknowns))

@@ -58,14 +58,18 @@ pub fn run(arguments: RunArguments) -> Result<ExitCode, CliError> {
         let values = line["eigenvalues"].as_array().map(Vec::as_slice).unwrap_or_default();
         let lowest: Vec<String> =
             values.iter().take(8).filter_map(Value::as_f64).map(|value| format!("{value:.5}")).collect();
+        let size = bytes(finished.product.stored_bytes());
+        let kept = match arguments.work.output {
+            Some(_) => format!(", {size} stored"),
+            None => format!("; its {size} are not stored, --output names a file for them"),
+        };
         let mut text = format!(
-            "{}: {} vertices, {} faces\n{} with {} eigenvalues, {} stored\n\n{stages}\nlowest eigenvalues: {}\n",
+            "{}: {} vertices, {} faces\n{} with {} eigenvalues{kept}\n\n{stages}\nlowest eigenvalues: {}\n",
             arguments.work.input.mesh.display(),
             grouped(finished.mesh.positions.len()),
             grouped(finished.mesh.faces.len()),
             job.kind(),
             grouped(values.len()),
-            bytes(finished.product.stored_bytes()),
             lowest.join(", ")
         );
         if let (Some(path), Some(seconds)) = (&arguments.work.output, finished.write) {

@@ -5,7 +5,7 @@ use chladni_mesh::check::{CheckedMesh, RepairKind};
 use chladni_mesh::numbering::{Extension, Translation};
 use chladni_mesh::solid::CheckedBody;
 use chladni_spectral::basis::modal::ModalBasis;
-use chladni_spectral::basis::{Basis, PENCIL};
+use chladni_spectral::basis::{Basis, MAP_COLLECTION, PENCIL, ProductKind};
 use chladni_spectral::formats::npz;
 use chladni_spectral::spectrum::pencil::Matrices;
 use chladni_spectral::verify::{Finding, Verification};
@@ -170,7 +170,16 @@ impl VerifyArguments {
             Ok(basis) => basis,
             // Modes have members of their own; of what is neither, the first message tells more.
             Err(error) => {
-                return npz::read_modes(bytes).map(Stored::Modes).map_err(|_| self.unreadable(error));
+                let unjudged = || {
+                    match kind_of(bytes) {
+                    Some(kind) => self.unreadable(format!(
+                        "this is of the kind {kind}, which has no eigenpairs to be judged; those of the kinds {} are verified",
+                        JUDGED.map(ProductKind::name).join(", ")
+                    )),
+                    None => self.unreadable(&error),
+                }
+                };
+                return npz::read_modes(bytes).map(Stored::Modes).map_err(|_| unjudged());
             }
         };
         Ok(if basis.metadata["kind"] == PENCIL { Stored::Pencil(basis) } else { Stored::Eigenbasis(basis) })
@@ -279,6 +288,20 @@ fn of_the_file(parameters: &impl Work, surface: &CheckedMesh, solid: Option<&Tet
     let mut own = Packed::from(&parameters.canonical());
     translate_parameters(&mut own, &file, MeshSize::of_body(&surface.mesh, solid))?;
     Ok(own)
+}
+
+/// What is verified.
+const JUDGED: [ProductKind; 3] = [ProductKind::Eigenbasis, ProductKind::PencilBasis, ProductKind::VibrationBasis];
+
+/// The kind of what a file holds that is not verified.
+fn kind_of(bytes: &[u8]) -> Option<&'static str> {
+    if npz::read_fields(bytes).is_ok() {
+        return Some(ProductKind::FieldBasis.name());
+    }
+    if npz::read_family(bytes).is_ok() {
+        return Some(ProductKind::OperatorFamily.name());
+    }
+    npz::read_maps(bytes).is_ok().then_some(MAP_COLLECTION)
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, CliError> {

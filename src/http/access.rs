@@ -63,6 +63,11 @@ impl Access {
 }
 
 fn needs(item: &PathItem) -> Vec<(Method, Need)> {
+    operations(item).map(|(method, operation)| (method, need(operation))).collect()
+}
+
+/// The operations of a path.
+pub(super) fn operations(item: &PathItem) -> impl Iterator<Item = (Method, &Operation)> {
     let operations = [
         (Method::GET, &item.get),
         (Method::POST, &item.post),
@@ -70,7 +75,7 @@ fn needs(item: &PathItem) -> Vec<(Method, Need)> {
         (Method::PATCH, &item.patch),
         (Method::DELETE, &item.delete),
     ];
-    operations.into_iter().filter_map(|(method, operation)| Some((method, need(operation.as_ref()?)))).collect()
+    operations.into_iter().filter_map(|(method, operation)| Some((method, operation.as_ref()?)))
 }
 
 fn need(operation: &Operation) -> Need {

@@ -98,7 +98,7 @@ pub fn is_of_fields(basis: &Basis) -> bool {
     basis.metadata["operator"].get("hodge").is_some()
 }
 
-problems!(ShowBasisProblems: [UNKNOWN_BASIS]);
+problems!(ShowBasisProblems: [INVALID_QUERY, UNKNOWN_BASIS]);
 
 /// Shows a basis
 ///
@@ -124,7 +124,7 @@ async fn show(state: ClientState, BasisId(id): BasisId, headers: HeaderMap) -> R
     Ok(response)
 }
 
-problems!(DeleteBasisProblems: WRITE [UNKNOWN_BASIS, BASIS_IN_USE]);
+problems!(DeleteBasisProblems: WRITE [INVALID_QUERY, UNKNOWN_BASIS, BASIS_IN_USE]);
 
 /// Deletes a basis
 ///

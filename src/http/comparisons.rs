@@ -7,17 +7,18 @@ use chladni_spectral::analysis::scatter;
 use chladni_spectral::analysis::shape_dna::{Comparison, MOST_SHAPES, Scale, Spectrum, Weighting, compare, kernel_of};
 use chladni_spectral::analysis::signature::nearest_items;
 use chladni_spectral::basis::ProductKind;
+use chladni_work::mappable::{SpectrumOf, Unlike, check_alike};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
-use uuid::Uuid;
 
 use super::bases::find_kind;
 use super::binary::{self, Dtype, Table};
 use super::body;
 use super::client::ClientState;
+use super::convert::sentence;
 use super::exchange::{self, Answer, OCTETS};
 use super::extract::{self, QueryOf};
 use super::ids::BasisId;
@@ -123,40 +124,16 @@ struct ComparisonAnswer {
     descriptors: Table,
 }
 
-/// What a spectrum is of.
-#[derive(Debug, PartialEq, Eq)]
-pub(super) struct SpectrumOf {
-    /// The operator, every discretisation of the Laplacian being one.
-    operator: String,
-    /// The condition at the boundary; `None` where there is none.
-    boundary: Option<String>,
+/// What the spectrum of a stored basis is of.
+pub(super) fn spectrum_of(basis: &BasisRecord, mesh: &MeshRecord) -> SpectrumOf {
+    SpectrumOf::new(&basis.parameters, mesh.report["closed"] == true)
 }
 
-impl SpectrumOf {
-    /// That of a stored basis.
-    pub fn of(basis: &BasisRecord, mesh: &MeshRecord) -> Self {
-        // Records of earlier versions have long lists in full.
-        let mut parameters = basis.parameters.clone();
-        chladni_work::abbreviate(&mut parameters);
-        Self::new(&parameters, mesh.report["closed"] == true)
-    }
-
-    fn new(parameters: &Value, closed: bool) -> Self {
-        let operator = match &parameters["operator"] {
-            Value::Null => "laplace".to_owned(),
-            Value::String(name) if ["auto", "polygon", "robust"].contains(&&name[..]) => "laplace".to_owned(),
-            Value::String(name) => name.clone(),
-            other => other.to_string(),
-        };
-        let boundary = parameters["boundary"].as_str().unwrap_or("neumann");
-        // A solid has a boundary, its surface, though that is closed.
-        let bounded = !closed || operator == "volume";
-        Self { operator, boundary: bounded.then(|| boundary.to_owned()) }
-    }
-
-    fn tell(&self) -> String {
-        let operator = problem::shorten(self.operator.clone());
-        self.boundary.as_ref().map_or(operator.clone(), |boundary| format!("{operator}, {boundary}"))
+impl From<Unlike> for Problem {
+    fn from(unlike: Unlike) -> Self {
+        Self::new(&problem::INCOMPARABLE_BASES, sentence(&unlike))
+            .with("bases", unlike.bases.to_vec())
+            .with("spectra", unlike.spectra.to_vec())
     }
 }
 
@@ -171,23 +148,6 @@ fn measure(parameters: &Value, report: &Value) -> f64 {
     }
 }
 
-/// Whether all spectra are of one operator and one condition at the boundary, where there is a boundary.
-pub(super) fn check_alike(bases: &[(Uuid, SpectrumOf)]) -> Result<(), Problem> {
-    let with_boundary = bases.iter().find(|(_, of)| of.boundary.is_some());
-    for (id, of) in bases {
-        let other = bases.first().filter(|(_, first)| first.operator != of.operator);
-        let other = other.or(with_boundary.filter(|(_, first)| of.boundary.is_some() && first.boundary != of.boundary));
-        if let Some((first, first_of)) = other {
-            let spectra = [first_of.tell(), of.tell()];
-            let detail = format!("Basis {first} has a spectrum of {}, basis {id} one of {}.", spectra[0], spectra[1]);
-            return Err(Problem::new(&problem::INCOMPARABLE_BASES, detail)
-                .with("bases", vec![first.to_string(), id.to_string()])
-                .with("spectra", spectra.to_vec()));
-        }
-    }
-    Ok(())
-}
-
 /// The form of a raw answer.
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
@@ -199,7 +159,7 @@ struct ComparisonQuery {
     dtype: Dtype,
 }
 
-problems!(CompareShapesProblems: BODY JSON [UNKNOWN_BASIS, NOT_ACCEPTABLE, BASIS_KIND, INCOMPARABLE_BASES, INVALID_ANALYSIS]);
+problems!(CompareShapesProblems: BODY JSON [INVALID_QUERY, UNKNOWN_BASIS, NOT_ACCEPTABLE, BASIS_KIND, INCOMPARABLE_BASES, INVALID_ANALYSIS]);
 
 /// Compares shapes by their spectra
 ///
@@ -248,7 +208,7 @@ async fn compare_shapes(
         }
         // Eigenvalues stand in the record, so no eigenfunction is read.
         let area = measure(&record.parameters, &mesh.report);
-        seen.push((record.id, SpectrumOf::of(&record, &mesh)));
+        seen.push((record.id.to_string(), spectrum_of(&record, &mesh)));
         let components = mesh.report["components"].as_u64().unwrap_or(1) as usize;
         let kernel = kernel_of(&record.eigenvalues, components);
         spectra.push(Spectrum { eigenvalues: record.eigenvalues, kernel, area });
@@ -258,7 +218,7 @@ async fn compare_shapes(
         });
     }
     if !request.mixed {
-        check_alike(&seen)?;
+        check_alike(seen.iter().map(|(id, of)| (id.as_str(), of)))?;
     }
     let shortest = spectra.iter().map(Spectrum::count).min().unwrap_or(0);
     let how = Comparison {

@@ -167,9 +167,10 @@ impl From<FilterError> for Problem {
     fn from(error: FilterError) -> Self {
         match error {
             FilterError::Basis(error) => error.into(),
-            FilterError::Parameter { parameter, value, expected } => {
-                Self::new(&problem::INVALID_TRANSFER, format!("transfer: {parameter} must be {expected}, not {value}."))
-            }
+            FilterError::Parameter { parameter, value, expected } => Self::new(
+                &problem::INVALID_TRANSFER,
+                format!("transfer: {parameter} must be {expected}, not {}.", short(value)),
+            ),
             other => Self::new(&problem::INVALID_TRANSFER, format!("transfer: {}", sentence(&other))),
         }
     }
@@ -184,7 +185,7 @@ impl From<AnalysisError> for Problem {
                 .with("vertex", vertex)
                 .with("vertices", vertices),
             AnalysisError::Parameter { parameter, value, expected } => {
-                Self::new(&problem::INVALID_ANALYSIS, format!("{parameter}: must be {expected}, not {value}."))
+                Self::new(&problem::INVALID_ANALYSIS, format!("{parameter}: must be {expected}, not {}.", short(value)))
             }
             AnalysisError::Count { what, found, least, most } => {
                 Self::new(&problem::INVALID_ANALYSIS, counted(what, found, least, most))
@@ -195,6 +196,14 @@ impl From<AnalysisError> for Problem {
             AnalysisError::Eigen(_) | AnalysisError::Factor(_) => Self::internal(error),
             _ => Self::new(&problem::INVALID_ANALYSIS, text),
         }
+    }
+}
+
+/// A number as one would write it: with an exponent, where it had dozens of digits without one.
+fn short(value: f64) -> String {
+    match value.abs() {
+        size if size >= 1e16 && size.is_finite() || size > 0.0 && size < 1e-6 => format!("{value:e}"),
+        _ => value.to_string(),
     }
 }
 

@@ -38,7 +38,7 @@ pub async fn look(state: &AppState, id: Uuid) -> Result<JobRecord, Problem> {
     state.off_loop(async move { store.job(id).await }).await
 }
 
-problems!(WatchJobProblems: [UNKNOWN_JOB, BUSY]);
+problems!(WatchJobProblems: [INVALID_QUERY, UNKNOWN_JOB, BUSY]);
 
 /// Streams the changes of a job
 ///

@@ -55,10 +55,8 @@ struct SpectrumRequest {
     /// `v`, 0 to 1e6, in `+ v V`, where the potential is `κ₁² + κ₂²`.
     #[serde(default)]
     curvature: f64,
-    /// Pairs, at most the dimension of the family.
-    #[serde(default = "hundred")]
-    #[schema(default = 100)]
-    count: usize,
+    /// Pairs, at most the dimension of the family; without it 100, or as many as that dimension where it is less.
+    count: Option<usize>,
     /// What is wanted of them.
     #[serde(default)]
     #[schema(inline)]
@@ -67,9 +65,8 @@ struct SpectrumRequest {
     mode: Option<usize>,
 }
 
-fn hundred() -> usize {
-    100
-}
+/// Pairs, unless their number is given.
+const COUNT: usize = 100;
 
 /// The lowest pairs of an operator of the family.
 #[derive(Debug, Serialize, ToSchema)]
@@ -117,11 +114,15 @@ async fn family_spectrum(
     let to = numbered.on_basis(&state, id, &family.metadata).await?;
     let body = body::read(&state, &headers, content, MOST_BYTES).await?;
     let request: SpectrumRequest = exchange::parse(&state, body, exchange::BYTES_PER_NUMBER).await?;
+    if request.mode.is_some() && request.give == SpectrumDetail::Eigenvalues {
+        let detail = "mode: belongs to requests with `give`, \"modes\" or \"coefficients\".";
+        return Err(Problem::new(&problem::INVALID_REQUEST, detail));
+    }
     state
         .solve("spectrum", move |_| {
             let begin = Instant::now();
             let member = Member { extrinsic: request.extrinsic, curvature: request.curvature };
-            let mut found = spectrum(&family, member, request.count)?;
+            let mut found = spectrum(&family, member, request.count.unwrap_or(COUNT.min(family.dimension())))?;
             if let Some(mode) = request.mode {
                 if mode >= found.coefficients.columns() {
                     let detail = format!(

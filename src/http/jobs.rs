@@ -53,6 +53,16 @@ pub fn routes() -> OpenApiRouter<AppState> {
 
 problems!(SubmitJobProblems: BODY JSON WRITE [INVALID_QUERY, INVALID_HEADER, UNKNOWN_MESH, UNKNOWN_PROBLEM, UNKNOWN_BASIS, BASIS_KIND, INCOMPARABLE_BASES, INVALID_PARAMETER, JOB_TOO_LARGE, IDEMPOTENCY_CONFLICT, QUEUE_FULL, DRAINING]);
 
+/// Whether to wait for what was submitted.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+struct SubmitQuery {
+    /// Answer only when the job has ended, or after this time (`20s`, `1500ms`; at most a minute).
+    #[param(example = "20s")]
+    wait: Option<String>,
+}
+
 /// Submits a job
 ///
 /// Vertices and faces that parameters name, and functions among them, are those of the uploaded file, unless `numbering=kept`; the job shows them as
@@ -60,9 +70,10 @@ problems!(SubmitJobProblems: BODY JSON WRITE [INVALID_QUERY, INVALID_HEADER, UNK
 ///
 /// The same mesh, kind and parameters are worked on once: where an equal job waits, runs or is done, that job is the answer.
 /// With an `Idempotency-Key` a request that is sent twice makes one job, whatever happened to the first answer.
+/// With `wait` the answer comes when the job has ended or the time is over, whichever is first, as from `GET /v1/jobs/{id}`.
 #[utoipa::path(
     post, path = "/v1/jobs", tag = "jobs", operation_id = "submitJob",
-    params(NumberingQuery, ("Idempotency-Key" = Option<String>, Header, description = "1 to 200 visible ASCII characters that stand for this request", example = "8f14e45f")),
+    params(NumberingQuery, SubmitQuery, ("Idempotency-Key" = Option<String>, Header, description = "1 to 200 visible ASCII characters that stand for this request", example = "8f14e45f")),
     request_body(content = JobRequest, examples(
         ("approximate" = (summary = "500 pairs, fast", value = json!({"kind": "eigenbasis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"count": 500}}))),
         ("hsim" = (summary = "250 pairs to 1e-6, proven complete, as columns in double precision", value = json!({"kind": "eigenbasis", "mesh": "0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "parameters": {"method": "hsim", "count": 250, "tolerance": 1e-6, "precision": "f64"}}))),
@@ -77,17 +88,26 @@ problems!(SubmitJobProblems: BODY JSON WRITE [INVALID_QUERY, INVALID_HEADER, UNK
     responses(
         (status = 202, description = "The job is stored; `Location` names it and `Retry-After` says when to look", body = JobResource,
             headers(("Location" = String), ("Retry-After" = u64), ("Chladni-Outcome" = String, description = "created, same-work or replayed"))),
-        (status = 200, description = "Equal work is done: its job, with its basis", body = JobResource, headers(("Location" = String))),
+        (status = 200, description = "Equal work is done, or the job ended while it was waited for: the job, with its basis or why there is none", body = JobResource, headers(("Location" = String))),
         SubmitJobProblems,
     ),
     security(("bearer" = ["submit"]))
 )]
-async fn submit(state: ClientState, numbered: Numbered, headers: HeaderMap, body: Body) -> Result<Response, Problem> {
+async fn submit(
+    state: ClientState,
+    numbered: Numbered,
+    QueryOf(query): QueryOf<SubmitQuery>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Response, Problem> {
     if state.is_draining() {
         return Err(Problem::new(&problem::DRAINING, "The server is shutting down and takes no jobs.").retry_after(10));
     }
     extract::require_json(&headers)?;
     let key = idempotency_key(&headers)?;
+    let wait = time_to_wait(query.wait.as_deref())?;
+    // Taken before anything is stored, so that whoever is refused a place has no job either.
+    let _place = if wait.is_zero() { None } else { Some(state.watch()?) };
     let mut request = read(&state, &headers, body).await?;
     let planned = plan(&state, &numbered, &mut request).await?;
     let on = planned.on();
@@ -115,9 +135,14 @@ async fn submit(state: ClientState, numbered: Numbered, headers: HeaderMap, body
             most_bytes: limit,
         })
         .await?;
-    let (record, outcome) = (enqueued.record, enqueued.outcome);
+    let (mut record, outcome) = (enqueued.record, enqueued.outcome);
     tracing::info!(job = %record.id, mesh = record.mesh, kind = record.kind, outcome = outcome_name(outcome), "job submitted");
-    let done = record.status == JobStatus::Succeeded;
+    if !wait.is_zero() && !record.status.is_finished() {
+        record = awaited(&state, record.id, wait, |record| record.status.is_finished()).await?;
+        say_why_it_waits(state.store.has_space(), &mut record);
+    }
+    let ended = !wait.is_zero() && record.status.is_finished();
+    let done = ended || record.status == JobStatus::Succeeded;
     let mut response = resource(record, if done { StatusCode::OK } else { StatusCode::ACCEPTED })?;
     response.headers_mut().insert(OUTCOME, HeaderValue::from_static(outcome_name(outcome)));
     Ok(response)
@@ -391,37 +416,14 @@ async fn show(
     QueryOf(query): QueryOf<ShowQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let wait = match &query.wait {
-        None => Duration::ZERO,
-        Some(text) => extract::duration(text).map(|wait| wait.min(LONGEST_WAIT)).ok_or_else(|| {
-            Problem::new(
-                &problem::INVALID_QUERY,
-                format!("wait: {:?} is not a time such as 20s.", problem::shorten(text.clone())),
-            )
-        })?,
-    };
+    let wait = time_to_wait(query.wait.as_deref())?;
     let conditional_on = headers.contains_key(header::IF_NONE_MATCH);
     let known = |record: &JobRecord| {
         conditional::weak(&record.revision.to_string()).is_ok_and(|tag| conditional::matches(&headers, &tag))
     };
     let _place = if wait.is_zero() { None } else { Some(state.watch()?) };
-    // Watching begins before the first look, so that no change falls between.
-    let mut changes = state.store.watch_job(id);
-    let deadline = Instant::now() + wait;
-    let mut record = look(&state, id).await?;
-    loop {
-        let news = if conditional_on { !known(&record) } else { record.status.is_finished() };
-        // A finished job does not change: waiting longer is of no use.
-        if news || wait.is_zero() || record.status.is_finished() {
-            break;
-        }
-        tokio::select! {
-            changed = changes.changed() => if !changed { break },
-            () = tokio::time::sleep_until(deadline.into()) => break,
-            () = state.closing.cancelled() => break,
-        }
-        record = look(&state, id).await?;
-    }
+    let news = |record: &JobRecord| if conditional_on { !known(record) } else { record.status.is_finished() };
+    let mut record = awaited(&state, id, wait, news).await?;
     if conditional_on && known(&record) {
         return Ok(StatusCode::NOT_MODIFIED.into_response());
     }
@@ -431,7 +433,40 @@ async fn show(
     Ok(response)
 }
 
-problems!(CancelJobProblems: WRITE [UNKNOWN_JOB, STATE_CONFLICT]);
+/// How long a request wants to wait; not at all, unless it says so.
+fn time_to_wait(given: Option<&str>) -> Result<Duration, Problem> {
+    let Some(text) = given else { return Ok(Duration::ZERO) };
+    extract::duration(text).map(|wait| wait.min(LONGEST_WAIT)).ok_or_else(|| {
+        let text = problem::shorten(text.to_owned());
+        Problem::new(&problem::INVALID_QUERY, format!("wait: {text:?} is not a time such as 20s."))
+    })
+}
+
+/// A job once there is news of it, or when the time is over.
+async fn awaited(
+    state: &ClientState,
+    id: Uuid,
+    wait: Duration,
+    news: impl Fn(&JobRecord) -> bool,
+) -> Result<JobRecord, Problem> {
+    // Watching begins before the first look, so that no change falls between.
+    let mut changes = state.store.watch_job(id);
+    let deadline = Instant::now() + wait;
+    loop {
+        let record = look(state, id).await?;
+        // A finished job does not change: waiting longer is of no use.
+        if news(&record) || wait.is_zero() || record.status.is_finished() {
+            return Ok(record);
+        }
+        tokio::select! {
+            changed = changes.changed() => if !changed { return Ok(record) },
+            () = tokio::time::sleep_until(deadline.into()) => return Ok(record),
+            () = state.closing.cancelled() => return Ok(record),
+        }
+    }
+}
+
+problems!(CancelJobProblems: WRITE [INVALID_QUERY, UNKNOWN_JOB, STATE_CONFLICT]);
 
 /// Cancels a job
 ///
@@ -451,7 +486,7 @@ async fn cancel(state: ClientState, JobId(id): JobId) -> Result<Response, Proble
     resource(record, StatusCode::ACCEPTED)
 }
 
-problems!(RetryJobProblems: WRITE [UNKNOWN_JOB, UNKNOWN_MESH, UNKNOWN_PROBLEM, UNKNOWN_BASIS, STATE_CONFLICT, DRAINING]);
+problems!(RetryJobProblems: WRITE [INVALID_QUERY, UNKNOWN_JOB, UNKNOWN_MESH, UNKNOWN_PROBLEM, UNKNOWN_BASIS, STATE_CONFLICT, DRAINING]);
 
 /// Retries a job
 ///

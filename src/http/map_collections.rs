@@ -9,7 +9,7 @@ use chladni_spectral::analysis::functional_map::PointMap;
 use chladni_spectral::analysis::map_collection::{
     CollectionMap, CollectionRequest, MOST_SHAPES, Shape, map_collection,
 };
-use chladni_spectral::basis::{Basis, CycleErrors};
+use chladni_spectral::basis::CycleErrors;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 use utoipa_axum::router::OpenApiRouter;
@@ -21,11 +21,11 @@ use super::body;
 use super::client::ClientState;
 use super::exchange::{self, Answer};
 use super::extract;
-use super::ids::BasisId;
 use super::maps::{Inverse, translated};
 use super::numbering::{Numbered, NumberingQuery};
 use super::problem::{self, Problem};
 use super::problems::problems;
+use super::shapes;
 use super::state::AppState;
 
 /// The most bytes of a request: some ids.
@@ -41,7 +41,7 @@ pub fn routes() -> OpenApiRouter<AppState> {
 #[serde(deny_unknown_fields)]
 #[schema(example = json!({"bases": ["019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10", "019aa5d1-0c2b-7aa1-b7f4-5f0d6a1c2e33"], "pairs": 100}))]
 struct MapCollectionRequest {
-    /// The ids of the bases, one for each shape: 2 to 32.
+    /// The ids of the bases, one for each shape: 2 to 32, of different meshes.
     bases: Vec<String>,
     /// The size of the first maps; 30 by default.
     start: Option<usize>,
@@ -135,14 +135,15 @@ pub(super) struct MapCollectionAnswer {
     pub cycles: Cycles,
 }
 
-problems!(MapCollectionProblems: SOLVE BODY JSON [UNKNOWN_BASIS, BASIS_KIND, NOT_ACCEPTABLE, INVALID_ANALYSIS]);
+problems!(MapCollectionProblems: SOLVE BODY JSON [UNKNOWN_BASIS, BASIS_KIND, NOT_ACCEPTABLE, INCOMPARABLE_BASES, INVALID_PARAMETER, INVALID_ANALYSIS]);
 
 /// Maps all shapes of a collection to each other
 ///
 /// Without landmarks: first maps follow from wave kernel signatures and the orientation of the surfaces, are refined by ZoomOut (Melzi et al. 2019),
 /// and made consistent by a latent basis that all shapes have in common (Huang et al. 2020), so that pairs that fail by themselves follow those that
-/// agree. The answer has a map of points for each ordered pair. Shapes are taken to be nearly isometric: poses of one animal, say. For more than a
-/// few shapes there is the job `map_collection`, which does the same in the queue and keeps what it finds.
+/// agree. Each basis has to be of another surface, and all of one operator and one condition at the boundary. The answer has a map of points for each
+/// ordered pair. Shapes are taken to be nearly isometric: poses of one animal, say. For more than a few shapes there is the job `map_collection`,
+/// which does the same in the queue and keeps what it finds.
 #[utoipa::path(
     post, path = "/v1/map-collections", tag = "analysis", operation_id = "mapCollection",
     params(NumberingQuery),
@@ -168,12 +169,10 @@ async fn collect_maps(
         return Err(Problem::new(&problem::INVALID_ANALYSIS, detail));
     }
     let (mut bases, mut meshes, mut numberings) = (Vec::new(), Vec::new(), Vec::new());
-    for id in &request.bases {
-        let id = BasisId::parse(id)?.0;
-        let basis = on_vertices(&state, id).await?;
-        check_surface(&basis, &id.to_string())?;
-        numberings.push(numbered.on_basis(&state, id, &basis.metadata).await?);
-        meshes.push(state.store.load_mesh(&state.store.basis(id).await?.mesh).await?);
+    for (record, mesh) in shapes::find(&state, &request.bases).await? {
+        let basis = on_vertices(&state, record.id).await?;
+        numberings.push(numbered.on_basis(&state, record.id, &basis.metadata).await?);
+        meshes.push(state.store.load_mesh(&mesh.id).await?);
         bases.push(basis);
     }
     let defaults = CollectionRequest::default();
@@ -201,15 +200,4 @@ async fn collect_maps(
             Answer::json(&answer, begin)
         })
         .await
-}
-
-/// Vertices inside a solid are on no surface whose orientation could be kept.
-fn check_surface(basis: &Basis, id: &str) -> Result<(), Problem> {
-    match basis.is_of_solid() {
-        false => Ok(()),
-        true => Err(Problem::new(
-            &problem::INVALID_ANALYSIS,
-            format!("Basis {id} is of the inside of a solid; collections are of surfaces."),
-        )),
-    }
 }

@@ -6,21 +6,25 @@ use axum::body::Body;
 use axum::http::HeaderMap;
 use chladni_mesh::numbering::Translation;
 use chladni_spectral::analysis::functional_map::{MapRequest, PointMap, Transfer, functional_map};
+use chladni_work::mappable::check_alike;
 use chladni_work::numbered;
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
+use uuid::Uuid;
 
 use super::bases::on_vertices;
 use super::binary::{self, Dtype, Table};
 use super::client::ClientState;
+use super::comparisons::spectrum_of;
 use super::exchange::{self, Answer, OCTETS};
 use super::extract::QueryOf;
 use super::ids::BasisId;
 use super::numbering::{Numbered, NumberingQuery};
 use super::problem::Problem;
 use super::problems::problems;
+use super::shapes;
 use super::state::AppState;
 
 /// The route of functional maps.
@@ -163,14 +167,15 @@ struct MapQuery {
     points: bool,
 }
 
-problems!(FunctionalMapProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_FUNCTION, INVALID_ANALYSIS]);
+problems!(FunctionalMapProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_FUNCTION, INCOMPARABLE_BASES, INVALID_ANALYSIS]);
 
 /// Maps functions between two surfaces
 ///
 /// A functional map (Ovsjanikov et al. 2012) from landmarks, descriptors or signatures, refined by ZoomOut (Melzi et al. 2019), with the
 /// correspondence of points that it makes: for vertices of the target, vertices of the source, and with `both_ways` the other way. With `carry`
-/// functions on the source are carried over, colours and texture coordinates among them. Sizes decide how long it takes: a hundred pairs and two
-/// thousand samples are a matter of a second, matching all points of large meshes one of many.
+/// functions on the source are carried over, colours and texture coordinates among them. Both bases have to be of one operator and one condition at
+/// the boundary. Sizes decide how long it takes: a hundred pairs and two thousand samples are a matter of a second, matching all points of large
+/// meshes one of many.
 ///
 /// JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is pairs of little-endian u32, the landmarks, and the rest of the
 /// request stands in the query. A raw answer is the matrix, row after row, or with `points=true` the points (4294967295 where a vertex has none).
@@ -198,6 +203,7 @@ async fn map_functions(
     };
     let (mut request, raw) = exchange::request(&state, &headers, body, query.request.as_deref(), fill).await?;
     let (source_id, target_id) = (BasisId::parse(&request.source)?.0, BasisId::parse(&request.target)?.0);
+    check_alike_bases(&state, [source_id, target_id]).await?;
     let source = on_vertices(&state, source_id).await?;
     let target = on_vertices(&state, target_id).await?;
     let to_source = numbered.on_basis(&state, source_id, &source.metadata).await?;
@@ -276,6 +282,16 @@ async fn map_functions(
             Answer::json(&answer, begin)
         })
         .await
+}
+
+/// Functions of different operators, or of different conditions at a boundary, do not correspond to each other.
+async fn check_alike_bases(state: &ClientState, ids: [Uuid; 2]) -> Result<(), Problem> {
+    let mut of = Vec::with_capacity(2);
+    for id in ids {
+        let (basis, mesh) = shapes::find_one(state, id).await?;
+        of.push((id.to_string(), spectrum_of(&basis, &mesh)));
+    }
+    Ok(check_alike(of.iter().map(|(id, of)| (id.as_str(), of)))?)
 }
 
 /// A map of points as the files number them: from vertices of `from` to those of `onto`.

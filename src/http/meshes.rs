@@ -31,7 +31,7 @@ use super::state::AppState;
 use super::upload::{Sent, check_name};
 use super::wire::{MeshResource, PageOf};
 use super::{body, exchange};
-use crate::store::NewMesh;
+use crate::store::{MeshRecord, NewMesh};
 
 /// About the bytes that the triangles around a point take while points without faces are checked.
 const POINT_BYTES: u64 = 300;
@@ -141,7 +141,8 @@ problems!(UploadMeshProblems: BODY WRITE [INVALID_QUERY, INVALID_MULTIPART, UNKN
 /// one.
 ///
 /// The mesh is checked; repairs that lose nothing are done and listed in the report. The same content has the same id: sending
-/// it again answers 200 with what is stored.
+/// it again answers 200 with what is stored, under the name that it has. The report of this answer is always that of the file that was sent; that of
+/// the first file with this mesh is the one that is kept.
 #[utoipa::path(
     post, path = "/v1/meshes", tag = "meshes", operation_id = "uploadMesh", params(UploadQuery),
     request_body(description = "The mesh", content(
@@ -226,8 +227,10 @@ async fn upload(
             Ok(NewMesh { mesh, solid, numbering, attributes, report, name, format, source_bytes })
         })
         .await?;
+    let report = new.report.clone();
     let stored = state.store.add_mesh(new).await?;
-    let record = stored.record;
+    // What was stored first may have been another file with the same mesh in it: its report tells of other repairs.
+    let record = MeshRecord { report, ..stored.record };
     tracing::info!(
         mesh = record.id,
         vertices = record.vertices,
@@ -280,7 +283,7 @@ async fn list(state: ClientState, QueryOf(query): QueryOf<ListQuery>) -> Result<
     Ok(Json(PageOf::of(page, MeshResource::from)))
 }
 
-problems!(ShowMeshProblems: [UNKNOWN_MESH]);
+problems!(ShowMeshProblems: [INVALID_QUERY, UNKNOWN_MESH]);
 
 /// Shows a mesh
 ///
@@ -301,7 +304,7 @@ async fn show(state: ClientState, MeshId(id): MeshId, headers: HeaderMap) -> Res
     Ok(named::shown(&headers, tag, MeshResource::from(record)))
 }
 
-problems!(RenameMeshProblems: BODY JSON WRITE [UNKNOWN_MESH]);
+problems!(RenameMeshProblems: BODY JSON WRITE [INVALID_QUERY, UNKNOWN_MESH]);
 
 /// Renames a mesh
 ///

@@ -9,6 +9,7 @@
 //! | `access`, `auth`, `origin`, `cors` | who may call what, API keys and scopes, hosts and origins |
 //! | `client`, `shares` | what one client may use of what all share |
 //! | `problem`, `problems`, `convert` | every error as RFC 9457, and which ones a route has |
+//! | `parameters` | which parameters queries may have |
 //! | `body`, `extract`, `ids`, `binary`, `conditional` | reading requests: limits, JSON, numbers, queries, ids, negotiation, ranges |
 //! | `named` | ids that stay and names that change, of meshes and problems |
 //! | `exchange` | JSON or raw numbers, both ways: what synchronous operations take and give |
@@ -57,6 +58,7 @@ mod named;
 mod numbering;
 mod origin;
 mod page;
+mod parameters;
 mod pencil_upload;
 mod pencil_wire;
 mod pencils;
@@ -108,6 +110,7 @@ use tower_http::request_id::{PropagateRequestIdLayer, SetRequestIdLayer};
 use utoipa_axum::router::OpenApiRouter;
 
 use access::Access;
+use parameters::Parameters;
 
 /// Every route with its documentation.
 fn routes() -> OpenApiRouter<AppState> {
@@ -143,10 +146,12 @@ fn routes() -> OpenApiRouter<AppState> {
 pub fn router(state: AppState) -> Router {
     let (router, document) = routes().split_for_parts();
     let access = Arc::new(Access::of(&document));
+    let parameters = Arc::new(Parameters::of(&document));
     let compression = CompressionLayer::new().gzip(true).zstd(true).compress_when(SizeAbove::new(1024).and(Text));
     router
         .fallback(middleware::not_found)
         .method_not_allowed_fallback(middleware::method_not_allowed)
+        .layer(from_fn_with_state(parameters, parameters::check))
         .layer(from_fn_with_state((state.clone(), access), access::authorise))
         // What follows is no part of the API, stands in no document, and is open to everyone.
         .merge(

@@ -203,6 +203,7 @@ fn refused(error: PencilError) -> Problem {
             ("not-definite", Some("M"), Some(*row), None)
         }
         PencilError::NearlySingular => ("not-definite", Some("M"), None, None),
+        PencilError::TooSmall { matrix, .. } => ("too-small", Some(*matrix), None, None),
         PencilError::Empty => ("empty", None, None, None),
         PencilError::Fixed { .. } => ("fixed", None, None, None),
         PencilError::Solve(_) => return Problem::internal(error),

@@ -152,7 +152,7 @@ async fn list(
     Ok(Json(PageOf::of(page, ProblemResource::from)))
 }
 
-problems!(ShowProblemProblems: [UNKNOWN_PROBLEM]);
+problems!(ShowProblemProblems: [INVALID_QUERY, UNKNOWN_PROBLEM]);
 
 /// Shows a problem
 ///
@@ -173,7 +173,7 @@ async fn show(state: ClientState, ProblemId(id): ProblemId, headers: HeaderMap) 
     Ok(named::shown(&headers, tag, ProblemResource::from(record)))
 }
 
-problems!(RenameProblemProblems: BODY JSON WRITE [UNKNOWN_PROBLEM]);
+problems!(RenameProblemProblems: BODY JSON WRITE [INVALID_QUERY, UNKNOWN_PROBLEM]);
 
 /// Renames a problem
 ///
@@ -237,7 +237,7 @@ async fn delete(
 
 const NPZ: &str = "application/x-npz";
 
-problems!(GetProblemContentProblems: [UNKNOWN_PROBLEM, NOT_ACCEPTABLE, RANGE_NOT_SATISFIABLE, DAMAGED_CONTENT]);
+problems!(GetProblemContentProblems: [INVALID_QUERY, UNKNOWN_PROBLEM, NOT_ACCEPTABLE, RANGE_NOT_SATISFIABLE, DAMAGED_CONTENT]);
 
 /// Gets the matrices of a problem
 ///

@@ -62,12 +62,14 @@ struct Samples {
     items: Vec<Sample>,
 }
 
+problems!(ListSamplesProblems: [INVALID_QUERY]);
+
 /// Lists the meshes that can be generated
 ///
 /// For a first look at the service without a file at hand; nothing is stored.
 #[utoipa::path(
     get, path = "/v1/samples", tag = "meshes", operation_id = "listSamples",
-    responses((status = 200, description = "The samples", body = Samples)),
+    responses((status = 200, description = "The samples", body = Samples), ListSamplesProblems),
     security(("bearer" = ["read"]))
 )]
 async fn list() -> Json<Samples> {

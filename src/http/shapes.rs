@@ -1,14 +1,15 @@
-//! The shapes that a job on several bases names: which they are, and whether they can be mapped to each other.
+//! The shapes that a job or a request on several bases names: which they are, and whether they can be mapped to each other.
 
 use chladni_spectral::analysis::map_collection::{MOST_SHAPES, ShapeSize};
 use chladni_spectral::basis::{MAP_COLLECTION, ProductKind};
+use chladni_work::mappable::{StoredSpectrum, Unmappable, check_collection};
 use chladni_work::packed::Packed;
 use chladni_work::{JobParameters, ParameterError, StoredShape};
 use uuid::Uuid;
 
 use super::bases::find_kind;
 use super::client::ClientState;
-use super::comparisons::{SpectrumOf, check_alike};
+use super::comparisons::spectrum_of;
 use super::ids::BasisId;
 use super::jobs::{Planned, most_bytes};
 use super::problem::{self, Problem};
@@ -40,9 +41,6 @@ pub(super) async fn plan(state: &ClientState, request: &mut JobRequest) -> Resul
         return Err(refused(format!("there must be 2 to {MOST_SHAPES}, one for each shape, and not {}", given.len())));
     }
     let shapes = find(state, &given).await?;
-    check_different(&shapes)?;
-    let spectrum = |(basis, mesh): &(BasisRecord, MeshRecord)| (basis.id, SpectrumOf::of(basis, mesh));
-    check_alike(&shapes.iter().map(spectrum).collect::<Vec<_>>())?;
     let stored = |(basis, mesh): &(BasisRecord, MeshRecord)| StoredShape {
         size: ShapeSize { vertices: basis.vertices as usize, faces: mesh.faces as usize, pairs: basis.count as usize },
         basis_bytes: basis.bytes,
@@ -70,41 +68,46 @@ async fn most_threads(state: &ClientState) -> Result<usize, Problem> {
     Ok(shares.max().unwrap_or(own))
 }
 
-/// The bases, each with its mesh.
-async fn find(state: &ClientState, ids: &[String]) -> Result<Vec<(BasisRecord, MeshRecord)>, Problem> {
-    let mut shapes = Vec::with_capacity(ids.len());
-    for (place, id) in ids.iter().enumerate() {
-        let basis = find_kind(state, BasisId::parse(id)?.0, ProductKind::Eigenbasis).await?;
-        let id = basis.id;
-        if basis.operator.get("hodge").is_some() {
-            return Err(super::bases::of_fields(id));
-        }
-        if basis.operator["laplacian"] == "volume" {
-            let reason = format!("bases[{place}], {id}, is of the inside of a solid; collections are of surfaces");
-            return Err(refused(reason));
-        }
-        if let Some(first) = basis.certificate["first"].as_u64().filter(|&first| first > 0) {
-            let reason = format!(
-                "bases[{place}], {id}, holds the pairs of an interval, from number {first} on; shapes are mapped by their lowest ones"
-            );
-            return Err(refused(reason));
-        }
-        let mesh = state.store.mesh(&basis.mesh).await?;
-        shapes.push((basis, mesh));
+/// The bases, each with its mesh, if they can be mapped to each other.
+///
+/// # Errors
+/// Those of finding them; [`Unmappable`].
+pub(super) async fn find(state: &ClientState, ids: &[String]) -> Result<Vec<(BasisRecord, MeshRecord)>, Problem> {
+    let (mut shapes, mut stored) = (Vec::with_capacity(ids.len()), Vec::with_capacity(ids.len()));
+    for id in ids {
+        let shape = find_one(state, BasisId::parse(id)?.0).await?;
+        stored.push(stored_spectrum(&shape));
+        shapes.push(shape);
     }
+    check_collection(&stored)?;
     Ok(shapes)
 }
 
-/// A shape is mapped to others, and not to itself.
-fn check_different(shapes: &[(BasisRecord, MeshRecord)]) -> Result<(), Problem> {
-    for (place, (basis, mesh)) in shapes.iter().enumerate() {
-        let before = shapes[..place].iter().position(|(_, other)| other.id == mesh.id);
-        let Some(before) = before else { continue };
-        let same: Uuid = shapes[before].0.id;
-        return Err(refused(match same == basis.id {
-            true => format!("bases[{place}] is bases[{before}] once more, {same}"),
-            false => format!("bases[{place}], {}, is of the mesh of bases[{before}], {}", basis.id, mesh.id),
-        }));
+/// A basis of functions on vertices, with its mesh.
+pub(super) async fn find_one(state: &ClientState, id: Uuid) -> Result<(BasisRecord, MeshRecord), Problem> {
+    let basis = find_kind(state, id, ProductKind::Eigenbasis).await?;
+    if basis.operator.get("hodge").is_some() {
+        return Err(super::bases::of_fields(id));
     }
-    Ok(())
+    let mesh = state.store.mesh(&basis.mesh).await?;
+    Ok((basis, mesh))
+}
+
+fn stored_spectrum((basis, mesh): &(BasisRecord, MeshRecord)) -> StoredSpectrum {
+    StoredSpectrum {
+        basis: basis.id.to_string(),
+        mesh: mesh.id.clone(),
+        of: spectrum_of(basis, mesh),
+        is_of_solid: basis.operator["laplacian"] == "volume",
+        first: basis.certificate["first"].as_u64().unwrap_or(0),
+    }
+}
+
+impl From<Unmappable> for Problem {
+    fn from(error: Unmappable) -> Self {
+        match error {
+            Unmappable::Unlike(unlike) => unlike.into(),
+            other => refused(other.to_string()),
+        }
+    }
 }

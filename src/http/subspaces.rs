@@ -94,7 +94,7 @@ struct BasisComparisonAnswer {
     coefficients: Option<Table>,
 }
 
-problems!(CompareBasesProblems: BODY JSON [UNKNOWN_BASIS, NOT_ACCEPTABLE, BASIS_KIND, INCOMPARABLE_BASES, INVALID_ANALYSIS]);
+problems!(CompareBasesProblems: BODY JSON [INVALID_QUERY, UNKNOWN_BASIS, NOT_ACCEPTABLE, BASIS_KIND, INCOMPARABLE_BASES, INVALID_ANALYSIS]);
 
 /// Compares two bases of one surface
 ///

@@ -121,6 +121,7 @@ impl From<SimulationFault> for Problem {
         match fault {
             SimulationFault::Loads(_) => refused("loads"),
             SimulationFault::Times { most, .. } => refused("times").with("limit", most),
+            SimulationFault::SoundAlone(_) => refused("sound"),
             SimulationFault::Vertex { .. } => refused("vertex-out-of-range"),
             SimulationFault::Simulation(error) => error.into(),
             SimulationFault::Cancelled(cancelled) => cancelled.into(),

@@ -33,6 +33,7 @@ mod quads;
 mod samples;
 mod schemas;
 mod stored;
+mod strictness;
 mod system;
 mod verification;
 mod vibration;

@@ -787,8 +787,9 @@ export interface paths {
          * Maps functions between two surfaces
          * @description A functional map (Ovsjanikov et al. 2012) from landmarks, descriptors or signatures, refined by ZoomOut (Melzi et al. 2019), with the
          *     correspondence of points that it makes: for vertices of the target, vertices of the source, and with `both_ways` the other way. With `carry`
-         *     functions on the source are carried over, colours and texture coordinates among them. Sizes decide how long it takes: a hundred pairs and two
-         *     thousand samples are a matter of a second, matching all points of large meshes one of many.
+         *     functions on the source are carried over, colours and texture coordinates among them. Both bases have to be of one operator and one condition at
+         *     the boundary. Sizes decide how long it takes: a hundred pairs and two thousand samples are a matter of a second, matching all points of large
+         *     meshes one of many.
          *
          *     JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is pairs of little-endian u32, the landmarks, and the rest of the
          *     request stands in the query. A raw answer is the matrix, row after row, or with `points=true` the points (4294967295 where a vertex has none).
@@ -840,6 +841,7 @@ export interface paths {
          *
          *     The same mesh, kind and parameters are worked on once: where an equal job waits, runs or is done, that job is the answer.
          *     With an `Idempotency-Key` a request that is sent twice makes one job, whatever happened to the first answer.
+         *     With `wait` the answer comes when the job has ended or the time is over, whichever is first, as from `GET /v1/jobs/{id}`.
          */
         post: operations["submitJob"];
         delete?: never;
@@ -948,8 +950,9 @@ export interface paths {
          * Maps all shapes of a collection to each other
          * @description Without landmarks: first maps follow from wave kernel signatures and the orientation of the surfaces, are refined by ZoomOut (Melzi et al. 2019),
          *     and made consistent by a latent basis that all shapes have in common (Huang et al. 2020), so that pairs that fail by themselves follow those that
-         *     agree. The answer has a map of points for each ordered pair. Shapes are taken to be nearly isometric: poses of one animal, say. For more than a
-         *     few shapes there is the job `map_collection`, which does the same in the queue and keeps what it finds.
+         *     agree. Each basis has to be of another surface, and all of one operator and one condition at the boundary. The answer has a map of points for each
+         *     ordered pair. Shapes are taken to be nearly isometric: poses of one animal, say. For more than a few shapes there is the job `map_collection`,
+         *     which does the same in the queue and keeps what it finds.
          */
         post: operations["mapCollection"];
         delete?: never;
@@ -997,7 +1000,8 @@ export interface paths {
          *     one.
          *
          *     The mesh is checked; repairs that lose nothing are done and listed in the report. The same content has the same id: sending
-         *     it again answers 200 with what is stored.
+         *     it again answers 200 with what is stored, under the name that it has. The report of this answer is always that of the file that was sent; that of
+         *     the first file with this mesh is the one that is kept.
          */
         post: operations["uploadMesh"];
         delete?: never;
@@ -4486,7 +4490,7 @@ export interface components {
          *     }
          */
         MapCollectionRequest: {
-            /** @description The ids of the bases, one for each shape: 2 to 32. */
+            /** @description The ids of the bases, one for each shape: 2 to 32, of different meshes. */
             bases: string[];
             /** @description Whether the answer has the matrices beside the points. */
             matrices?: boolean;
@@ -6141,8 +6145,8 @@ export interface components {
          *     }
          */
         SpectrumRequest: {
-            /** @description Pairs, at most the dimension of the family. By default `100`. */
-            count?: number;
+            /** @description Pairs, at most the dimension of the family; without it 100, or as many as that dimension where it is less. */
+            count?: number | null;
             /**
              * Format: double
              * @description `v`, 0 to 1e6, in `+ v V`, where the potential is `κ₁² + κ₂²`.
@@ -7196,6 +7200,15 @@ export interface operations {
                 };
                 content?: never;
             };
+            /** @description A problem: invalid-query */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             401: components["responses"]["Unauthenticated"];
             403: components["responses"]["Forbidden"];
             /** @description A problem: unknown-basis */
@@ -7231,6 +7244,15 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content?: never;
+            };
+            /** @description A problem: invalid-query */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
             };
             401: components["responses"]["Unauthenticated"];
             403: components["responses"]["Forbidden"];
@@ -9969,7 +9991,7 @@ export interface operations {
                     "application/json": components["schemas"]["BasisComparisonAnswer"];
                 };
             };
-            /** @description A problem: damaged-content-encoding, body-incomplete or invalid-json */
+            /** @description A problem: damaged-content-encoding, body-incomplete, invalid-json or invalid-query */
             400: {
                 headers: {
                     [name: string]: unknown;
@@ -10133,6 +10155,15 @@ export interface operations {
                 };
                 content?: never;
             };
+            /** @description A problem: invalid-query */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             401: components["responses"]["Unauthenticated"];
             403: components["responses"]["Forbidden"];
             /** @description A problem: unknown-field */
@@ -10168,6 +10199,15 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content?: never;
+            };
+            /** @description A problem: invalid-query */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
             };
             401: components["responses"]["Unauthenticated"];
             403: components["responses"]["Forbidden"];
@@ -10229,7 +10269,7 @@ export interface operations {
                     "application/json": components["schemas"]["FieldResource"];
                 };
             };
-            /** @description A problem: damaged-content-encoding, body-incomplete or invalid-json */
+            /** @description A problem: damaged-content-encoding, body-incomplete, invalid-json or invalid-query */
             400: {
                 headers: {
                     [name: string]: unknown;
@@ -10492,7 +10532,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A problem: basis-kind or basis-without-mesh */
+            /** @description A problem: basis-kind, basis-without-mesh or incomparable-bases */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -10709,6 +10749,11 @@ export interface operations {
                  *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
+                /**
+                 * @description Answer only when the job has ended, or after this time (`20s`, `1500ms`; at most a minute).
+                 * @example 20s
+                 */
+                wait?: string;
             };
             header?: {
                 /**
@@ -10726,7 +10771,7 @@ export interface operations {
             };
         };
         responses: {
-            /** @description Equal work is done: its job, with its basis */
+            /** @description Equal work is done, or the job ended while it was waited for: the job, with its basis or why there is none */
             200: {
                 headers: {
                     Location?: string;
@@ -11014,6 +11059,15 @@ export interface operations {
                     "application/json": components["schemas"]["JobResource"];
                 };
             };
+            /** @description A problem: invalid-query */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             401: components["responses"]["Unauthenticated"];
             403: components["responses"]["Forbidden"];
             /** @description A problem: unknown-job */
@@ -11097,6 +11151,15 @@ export interface operations {
                 };
                 content?: never;
             };
+            /** @description A problem: invalid-query */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             401: components["responses"]["Unauthenticated"];
             403: components["responses"]["Forbidden"];
             /** @description A problem: unknown-job */
@@ -11142,6 +11205,15 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["JobResource"];
+                };
+            };
+            /** @description A problem: invalid-query */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             401: components["responses"]["Unauthenticated"];
@@ -11257,7 +11329,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A problem: basis-kind or basis-without-mesh */
+            /** @description A problem: basis-kind, basis-without-mesh or incomparable-bases */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -11284,7 +11356,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A problem: invalid-request or invalid-analysis */
+            /** @description A problem: invalid-request, invalid-parameter or invalid-analysis */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -11530,6 +11602,15 @@ export interface operations {
                 };
                 content?: never;
             };
+            /** @description A problem: invalid-query */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             401: components["responses"]["Unauthenticated"];
             403: components["responses"]["Forbidden"];
             /** @description A problem: unknown-mesh */
@@ -11647,7 +11728,7 @@ export interface operations {
                     "application/json": components["schemas"]["MeshResource"];
                 };
             };
-            /** @description A problem: damaged-content-encoding, body-incomplete or invalid-json */
+            /** @description A problem: damaged-content-encoding, body-incomplete, invalid-json or invalid-query */
             400: {
                 headers: {
                     [name: string]: unknown;
@@ -13061,6 +13142,15 @@ export interface operations {
                 };
                 content?: never;
             };
+            /** @description A problem: invalid-query */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             401: components["responses"]["Unauthenticated"];
             403: components["responses"]["Forbidden"];
             /** @description A problem: unknown-problem */
@@ -13178,7 +13268,7 @@ export interface operations {
                     "application/json": components["schemas"]["ProblemResource"];
                 };
             };
-            /** @description A problem: damaged-content-encoding, body-incomplete or invalid-json */
+            /** @description A problem: damaged-content-encoding, body-incomplete, invalid-json or invalid-query */
             400: {
                 headers: {
                     [name: string]: unknown;
@@ -13307,6 +13397,15 @@ export interface operations {
                 };
                 content?: never;
             };
+            /** @description A problem: invalid-query */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             401: components["responses"]["Unauthenticated"];
             403: components["responses"]["Forbidden"];
             /** @description A problem: unknown-problem */
@@ -13355,6 +13454,15 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["Samples"];
+                };
+            };
+            /** @description A problem: invalid-query */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             401: components["responses"]["Unauthenticated"];
@@ -13455,7 +13563,7 @@ export interface operations {
                     "image/svg+xml": Blob;
                 };
             };
-            /** @description A problem: damaged-content-encoding, body-incomplete or invalid-json */
+            /** @description A problem: damaged-content-encoding, body-incomplete, invalid-json or invalid-query */
             400: {
                 headers: {
                     [name: string]: unknown;

@@ -237,6 +237,9 @@ impl<'de> Visitor<'de> for Reader<'_> {
         let mut object = BTreeMap::new();
         while let Some(name) = members.next_key::<String>()? {
             self.count(1)?;
+            if object.contains_key(&name) {
+                return Err(de::Error::custom(format!("duplicate field `{name}`")));
+            }
             object.insert(name, members.next_value_seed(self)?);
         }
         Ok(Packed::Object(object))

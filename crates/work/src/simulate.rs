@@ -155,7 +155,7 @@ pub struct SimulateRequest {
     pub give: MotionForm,
     /// Vertices whose displacements are wanted; all, unless it is given.
     pub vertices: Option<Vec<usize>>,
-    /// A sound instead: the answer is a WAV file.
+    /// A sound instead: the answer is a WAV file. It takes no `times`, `vertices` or `give` beside it.
     pub sound: Option<SoundRequest>,
 }
 
@@ -196,6 +196,9 @@ pub enum SimulationFault {
         /// The most of an answer.
         most: usize,
     },
+    /// A sound was asked for, and a motion as well.
+    #[error("sound: its answer is a WAV file alone; {0} belongs to requests without a sound")]
+    SoundAlone(&'static str),
     /// There is no such vertex.
     #[error("vertices: there is no vertex {vertex}; the object has {vertices}")]
     Vertex {
@@ -270,6 +273,15 @@ impl SimulateRequest {
     pub fn sound(&self, modes: &ModalBasis, surface: &TriangleMesh) -> Result<Option<Sound>, SimulationFault> {
         self.check()?;
         let Some(sound) = &self.sound else { return Ok(None) };
+        for (name, given) in [
+            ("times", !self.times.is_empty()),
+            ("vertices", self.vertices.is_some()),
+            ("give", self.give != MotionForm::default()),
+        ] {
+            if given {
+                return Err(SimulationFault::SoundAlone(name));
+            }
+        }
         let listening = Listening { point: sound.listener, rate: sound.sample_rate, seconds: sound.seconds };
         listening.check()?;
         Ok(Some(listen(modes, &self.motion(modes)?.0, &surface.positions, &surface.faces, &listening)?))

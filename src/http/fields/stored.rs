@@ -306,7 +306,7 @@ async fn list(state: ClientState, QueryOf(query): QueryOf<ListQuery>) -> Result<
     Ok(Json(PageOf::of(page, |record| FieldResource::from(record).summary)))
 }
 
-problems!(ShowFieldProblems: [UNKNOWN_FIELD]);
+problems!(ShowFieldProblems: [INVALID_QUERY, UNKNOWN_FIELD]);
 
 /// Shows a stored field
 ///
@@ -327,7 +327,7 @@ async fn show(state: ClientState, FieldId(id): FieldId, headers: HeaderMap) -> R
     Ok(named::shown(&headers, tag, FieldResource::from(record)))
 }
 
-problems!(RenameFieldProblems: BODY JSON WRITE [UNKNOWN_FIELD]);
+problems!(RenameFieldProblems: BODY JSON WRITE [INVALID_QUERY, UNKNOWN_FIELD]);
 
 /// Renames a stored field
 ///
@@ -354,7 +354,7 @@ async fn rename(
     Ok(Json(FieldResource::from(record)))
 }
 
-problems!(DeleteFieldProblems: WRITE [UNKNOWN_FIELD]);
+problems!(DeleteFieldProblems: WRITE [INVALID_QUERY, UNKNOWN_FIELD]);
 
 /// Deletes a stored field
 ///

@@ -79,8 +79,10 @@ pub enum DesignError {
         /// The face.
         face: u32,
     },
-    /// Hard constraints leave the space no freedom to meet this one.
-    #[error("the space cannot meet the hard constraint on face {face} besides the others")]
+    /// The space has no freedom left to be as it has to be on this face.
+    #[error(
+        "the space has too few dimensions to be as it has to be on face {face} and on all other faces with constraints at once; a larger basis may do"
+    )]
     Dependent {
         /// The face.
         face: u32,

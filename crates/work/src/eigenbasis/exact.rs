@@ -112,7 +112,9 @@ impl Exact {
             subspace_factor: request.subspace_factor,
             seed: 0,
         };
-        Ok(Self { solver, storage, precision: request.precision })
+        // What is the default anyway is equal work, whether it is said or not.
+        let is_default = tolerance < SINGLE && request.precision == Some(Precision::F64);
+        Ok(Self { solver, storage, precision: request.precision.filter(|_| !is_default) })
     }
 
     /// Writes every member of the method.

@@ -51,11 +51,15 @@ pub fn check(method: &Method, parameters: &OperatorParameters) -> Result<(), Par
             return Err(value("method", reason));
         }
     };
+    let methods = match parameters.operator {
+        OperatorKind::Volume => "takes the methods \"hsim\" and \"approximate\"",
+        _ => "takes the method \"hsim\"",
+    };
     let refusal = match (exact.solver.variant, exact.solver.wanted, exact.storage) {
-        (Variant::Random | Variant::Bathe, _, _) => Some(("method", "takes the method \"hsim\"")),
+        (Variant::Random | Variant::Bathe, _, _) => Some(("method", methods)),
         (Variant::Published, _, _) => Some(("variant", "takes the variant \"sliced\"")),
-        (_, Wanted::Below { .. }, _) => Some(("below", "takes a count")),
-        (_, Wanted::Between { .. }, _) => Some(("between", "takes a count")),
+        (_, Wanted::Below { .. }, _) => Some(("below", "takes a count, and no bound")),
+        (_, Wanted::Between { .. }, _) => Some(("between", "takes a count, and no interval")),
         (_, _, StorageKind::Compact) => Some(("storage", "has its eigenfunctions stored densely")),
         _ if exact.solver.levels.is_some() => Some(("levels", "has levels of its own")),
         _ if exact.solver.sigma.is_some() => Some(("sigma", "has levels of its own")),

@@ -25,6 +25,9 @@ pub const LARGEST_FIELD_DIMENSION: usize = 40_000;
 /// The columns of a job that does not say how many, on meshes that are not small.
 const DIMENSION: usize = 1000;
 
+/// Numbers of a field that a space may hold all of.
+const FEW_NUMBERS: usize = 16;
+
 /// The `n` of n-vectors of a job that does not say.
 const CROSS: u32 = 4;
 
@@ -112,10 +115,12 @@ impl FieldBasisParameters {
         Judging::new(self.estimates, self.space.field.block(), faces, self.dimension(faces))
     }
 
-    /// The columns on a mesh: what was asked for, or the default and at most a quarter of the numbers of a field.
+    /// The columns on a mesh: what was asked for, or the default and at most a quarter of the numbers of a field, but on the smallest meshes all that
+    /// there are: so few columns would hold no constant field, and no stroke on the face beside them.
     fn dimension(&self, faces: usize) -> usize {
         let block = self.space.field.block();
-        if self.open { self.space.dimension.min((block * faces / 4).max(block)) } else { self.space.dimension }
+        let all = block * faces;
+        if self.open { self.space.dimension.min((all / 4).max(all.min(FEW_NUMBERS))) } else { self.space.dimension }
     }
 
     /// What is stored in a face.

@@ -144,8 +144,8 @@ fn check(source: &Basis, target: &Basis, request: &MapRequest) -> Result<(), Ana
     error::count("landmarks", request.landmarks.len(), 0, MOST_LANDMARKS)?;
     // Fewer would leave the larger maps undetermined.
     error::count("samples", request.samples, (2 * request.pairs).min(MOST_SAMPLES), MOST_SAMPLES)?;
-    if !(request.commutativity.is_finite() && request.commutativity >= 0.0) {
-        let expected = "a finite number that is not negative";
+    if !(0.0..=MOST_COMMUTATIVITY).contains(&request.commutativity) {
+        let expected = "a number from 0 to 1e12";
         return Err(AnalysisError::Parameter { parameter: "commutativity", value: request.commutativity, expected });
     }
     Ok(())
@@ -259,6 +259,9 @@ fn first_map(
     }
     Ok(map)
 }
+
+/// The largest weight of commutativity: maps are diagonal long before, and sums of squares finite.
+const MOST_COMMUTATIVITY: f64 = 1e12;
 
 fn residual(map: &DenseMatrix, a: &DenseMatrix, b: &DenseMatrix) -> Result<f64, AnalysisError> {
     let image = map.times(a);

@@ -194,6 +194,14 @@ pub enum HsimError {
 }
 
 impl HsimError {
+    /// That an interval ends before it begins.
+    pub(in crate::spectrum) fn empty_interval(from: f64, to: f64) -> Self {
+        Self::Parameter {
+            name: "between",
+            reason: format!("must begin below where it ends, and {from} is not below {to}"),
+        }
+    }
+
     /// A stable identifier of the failure, in kebab case.
     pub fn kind(&self) -> &'static str {
         match self {
@@ -244,8 +252,7 @@ impl HsimParameters {
                 within("between", to, -MOST_BOUND, MOST_BOUND)?;
                 within("most", most as f64, 1.0, f64::from(u32::MAX))?;
                 if !(from < to && from.is_finite()) {
-                    let reason = format!("must begin below where it ends, not at {from} of {to}");
-                    return Err(HsimError::Parameter { name: "between", reason });
+                    return Err(HsimError::empty_interval(from, to));
                 }
             }
         }

@@ -22,6 +22,18 @@ pub fn csr(
     SparseMatrix::from_unsorted(rows, columns, indptr, indices, values).map_err(PencilError::Structure)
 }
 
+/// Refuses entries all of which are below the least number with all its digits. Zeros are as good as any.
+///
+/// # Errors
+/// [`PencilError::TooSmall`].
+pub(super) fn large_enough(matrix: &'static str, values: &[f64]) -> Result<(), PencilError> {
+    let largest = values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+    match largest > 0.0 && largest < f64::MIN_POSITIVE {
+        true => Err(PencilError::TooSmall { matrix, largest }),
+        false => Ok(()),
+    }
+}
+
 /// The matrix made symmetric to the last bit, without stored zeros.
 pub(super) fn symmetric(name: &'static str, matrix: SparseMatrix) -> Result<SparseMatrix, PencilError> {
     let n = matrix.rows();

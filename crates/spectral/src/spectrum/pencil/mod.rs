@@ -186,6 +186,16 @@ pub enum PencilError {
         /// The first row whose pivot is not positive, from 0.
         row: usize,
     },
+    /// The entries of a matrix are so small that they have few digits.
+    #[error(
+        "the entries of {matrix} are so small, {largest:e} at most, that few of their digits are left: multiply it by a power of ten"
+    )]
+    TooSmall {
+        /// `S` or `M`.
+        matrix: &'static str,
+        /// The largest magnitude.
+        largest: f64,
+    },
     /// A row that is to be fixed is not there.
     #[error("row {row} is to be fixed, of {rows} rows")]
     Fixed {
@@ -236,7 +246,12 @@ impl Pencil {
         if rows == 0 {
             return Err(PencilError::Empty);
         }
+        check::large_enough("S", stiffness.values())?;
         let mass = mass::checked(mass, rows, monitor)?;
+        match &mass {
+            MassMatrix::Diagonal(mass) => check::large_enough("M", mass)?,
+            mass => mass.sparse().map_or(Ok(()), |mass| check::large_enough("M", mass.values()))?,
+        }
         let given = mass.clone();
         let stiffness = check::with_pattern_of(&stiffness, &mass);
         let mut problem = EigenProblem { stiffness, mass, area: 1.0, unknowns: None };
@@ -309,6 +324,8 @@ pub fn solve(pencil: &Pencil, parameters: &Parameters, monitor: &dyn Monitor) ->
         }
         Wanted::Count(count) => hsim::Wanted::Count(count),
         Wanted::Below { bound, most } => hsim::Wanted::Below { bound, most },
+        // Told here in the numbers of whoever asked: the solver has its own scale.
+        Wanted::Between { from, to, .. } if !(from < to) => return Err(HsimError::empty_interval(from, to).into()),
         Wanted::Between { from, to, most } => hsim::Wanted::Between { from, to, most },
     };
     lowest(pencil, wanted, parameters, monitor)

@@ -1,0 +1,230 @@
+//! Whether a mesh is the one that a basis of a file lives on: a file has no positions, but the mass of every vertex.
+
+use chladni_base::Monitor;
+use chladni_mesh::{TetMesh, TriangleMesh};
+use chladni_spectral::basis::Basis;
+use serde_json::json;
+
+use crate::{EigenbasisParameters, JobError};
+
+/// By how much positions may differ that went through a file, next to the largest coordinate: single precision, or six digits of a text.
+const ROUNDED: f64 = 4e-6;
+
+/// Why a basis is none of a mesh.
+#[derive(Debug, thiserror::Error)]
+pub enum StrangeMesh {
+    /// It has other numbers of rows.
+    #[error("the basis has {rows} rows and the mesh {vertices} vertices")]
+    Rows {
+        /// Rows of the basis.
+        rows: usize,
+        /// Vertices of the mesh.
+        vertices: usize,
+    },
+    /// A vertex has another mass: the mesh has another size or shape, or its vertices another order.
+    #[error(
+        "the basis is of another mesh: vertex {vertex} has the mass {found} in the basis and {expected} in the mesh, which may be scaled, changed or numbered differently"
+    )]
+    Mass {
+        /// The vertex of the mesh as it is kept.
+        vertex: usize,
+        /// Its mass in the basis.
+        found: f64,
+        /// That in the mesh.
+        expected: f64,
+    },
+    /// A face has another area.
+    #[error(
+        "the basis is of another mesh: face {face} has the area {found} in the basis and {expected} in the mesh, which may be scaled, changed or numbered differently"
+    )]
+    Area {
+        /// The face of the mesh as it is kept.
+        face: usize,
+        /// Its area in the basis.
+        found: f64,
+        /// That in the mesh.
+        expected: f64,
+    },
+    /// The operator of the basis cannot be made on the mesh.
+    #[error("the basis is of another mesh: {0}")]
+    Operator(JobError),
+}
+
+/// Checks that a basis lives on this mesh, or on the solid whose surface it is, by the mass of every vertex. Positions may be rounded as files round
+/// them, and moved or turned as a whole. A basis that does not say which Laplacian it is of passes.
+///
+/// Meshes whose vertices all have one mass are alike by it, however they are numbered.
+///
+/// # Errors
+/// [`StrangeMesh`] names the first vertex that differs.
+pub fn check_own_mesh(
+    basis: &Basis,
+    mesh: &TriangleMesh,
+    solid: Option<&TetMesh>,
+    monitor: &dyn Monitor,
+) -> Result<(), StrangeMesh> {
+    if basis.metadata["operator"].get("hodge").is_some() {
+        return check_areas(basis, mesh);
+    }
+    let solid = solid.filter(|_| basis.is_of_solid());
+    let vertices = solid.map_or(mesh.positions.len(), |solid| solid.positions.len());
+    if basis.vertices() != vertices {
+        return Err(StrangeMesh::Rows { rows: basis.vertices(), vertices });
+    }
+    let Some(parameters) = laplacian_of(basis) else { return Ok(()) };
+    let operator = parameters.assemble(mesh, solid, monitor).map_err(StrangeMesh::Operator)?;
+    let ones = vec![1.0; vertices];
+    let expected = operator.laplacian().mass.scaled(operator.problem.area).multiply(&ones);
+    let found = basis.mass.multiply(&ones);
+    let room = room(mesh, solid);
+    let differs = |v: &usize| !((found[*v] - expected[*v]).abs() <= room[*v] + ROUNDED * expected[*v].abs());
+    let Some(first) = (0..vertices).find(differs) else { return Ok(()) };
+    // An intrinsic triangulation, or one of points, may turn edges over where positions are rounded, and has other masses around these alone.
+    let rounded = basis.metadata["operator"]["laplacian"] == "robust" || mesh.faces.is_empty();
+    let most: f64 = (0..vertices).filter(differs).map(|v| expected[v].abs()).sum();
+    if rounded && most < 0.5 * expected.iter().map(|mass| mass.abs()).sum::<f64>() {
+        return Ok(());
+    }
+    Err(StrangeMesh::Mass { vertex: first, found: found[first], expected: expected[first] })
+}
+
+/// The Laplacian whose mass a basis has, as parameters; `None` where it does not say.
+fn laplacian_of(basis: &Basis) -> Option<EigenbasisParameters> {
+    let made = &basis.metadata["operator"]["laplacian"];
+    let operator = match made.as_str()? {
+        "cotangent" => "laplace",
+        other => other,
+    };
+    let mut given = json!({"method": "hsim", "operator": operator});
+    let mass = &basis.metadata["parameters"]["mass"];
+    if operator != "graph" && mass.is_string() {
+        given["mass"] = mass.clone();
+    }
+    EigenbasisParameters::parse(&given).ok()
+}
+
+/// By how much rounded positions change the mass of each vertex: for each of its triangles by an edge times what a coordinate may be off, for each of
+/// its tetrahedra by the square of an edge times that.
+fn room(mesh: &TriangleMesh, solid: Option<&TetMesh>) -> Vec<f64> {
+    let positions = solid.map_or(&mesh.positions, |solid| &solid.positions);
+    let off = ROUNDED * positions.iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
+    let mut room = vec![0.0; positions.len()];
+    let longest = |corners: &[u32]| {
+        let pairs = corners.iter().flat_map(|&a| corners.iter().map(move |&b| (a as usize, b as usize)));
+        let square = |(a, b): (usize, usize)| (0..3).map(|k| (positions[a][k] - positions[b][k]).powi(2)).sum::<f64>();
+        pairs.map(square).fold(0.0, f64::max).sqrt()
+    };
+    match solid {
+        Some(solid) => solid.tetrahedra.iter().for_each(|corners| {
+            let length = longest(corners);
+            corners.iter().for_each(|&v| room[v as usize] += off * length * length);
+        }),
+        None => mesh.faces.iter().for_each(|corners| {
+            let length = longest(corners);
+            corners.iter().for_each(|&v| room[v as usize] += off * length);
+        }),
+    }
+    room
+}
+
+/// The same for eigenfields, two numbers for each face, whose mass is the area of the face.
+fn check_areas(basis: &Basis, mesh: &TriangleMesh) -> Result<(), StrangeMesh> {
+    let rows = 2 * mesh.faces.len();
+    if basis.vertices() != rows {
+        return Err(StrangeMesh::Rows { rows: basis.vertices(), vertices: mesh.positions.len() });
+    }
+    let found = basis.mass.multiply(&vec![1.0; rows]);
+    let off = ROUNDED * mesh.positions.iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
+    for (face, corners) in mesh.faces.iter().enumerate() {
+        let [a, b, c] = corners.map(|vertex| mesh.positions[vertex as usize]);
+        let [u, v]: [[f64; 3]; 2] = [std::array::from_fn(|k| b[k] - a[k]), std::array::from_fn(|k| c[k] - a[k])];
+        let cross = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+        let size = |x: &[f64; 3]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let expected = 0.5 * size(&cross);
+        if !((found[2 * face] - expected).abs() <= ROUNDED * expected + 4.0 * off * (size(&u) + size(&v))) {
+            return Err(StrangeMesh::Area { face, found: found[2 * face], expected });
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Work;
+    use chladni_base::Unwatched;
+    use chladni_mesh::shape::{Shape, generate};
+    use chladni_spectral::basis::Product;
+    use serde_json::Value;
+
+    fn solved(mesh: &TriangleMesh, parameters: &Value) -> std::sync::Arc<Basis> {
+        let parameters = EigenbasisParameters::parse(parameters).unwrap();
+        let Product::Eigenbasis(basis) = Work::run(&parameters, mesh, &Unwatched).unwrap() else { panic!() };
+        basis
+    }
+
+    /// The mesh with its vertices in another order.
+    fn permuted(mesh: &TriangleMesh) -> TriangleMesh {
+        let n = mesh.positions.len();
+        // A step that is prime to `n` visits all.
+        let step = (2..n).map(|k| n / 3 + k).find(|k| (2..=*k).all(|d| k % d > 0 || n % d > 0)).unwrap();
+        let place = |v: usize| (v * step + 5) % n;
+        let mut positions = vec![[0.0; 3]; n];
+        mesh.positions.iter().enumerate().for_each(|(v, at)| positions[place(v)] = *at);
+        let faces = mesh.faces.iter().map(|face| face.map(|v| place(v as usize) as u32)).collect();
+        TriangleMesh { positions, faces, ..Default::default() }
+    }
+
+    fn moved(mesh: &TriangleMesh, move_one: impl Fn([f64; 3]) -> [f64; 3]) -> TriangleMesh {
+        let positions = mesh.positions.iter().map(|at| move_one(*at)).collect();
+        TriangleMesh { positions, faces: mesh.faces.clone(), ..Default::default() }
+    }
+
+    #[test]
+    fn a_basis_is_taken_for_its_own_mesh_alone() {
+        let mesh = generate(Shape::Knot, 800).unwrap();
+        for parameters in [
+            json!({"method": "hsim", "count": 6, "operator": "laplace"}),
+            json!({"method": "hsim", "count": 6, "operator": "robust"}),
+            json!({"method": "hsim", "count": 6, "mass": "consistent"}),
+            json!({"method": "hsim", "count": 6, "operator": {"hamiltonian": {"potential": {"curvature": {"t": 0.1}}}}}),
+            json!({"method": "hsim", "count": 6, "operator": "hodge"}),
+        ] {
+            let basis = solved(&mesh, &parameters);
+            let check = |mesh: &TriangleMesh| check_own_mesh(&basis, mesh, None, &Unwatched);
+            check(&mesh).unwrap();
+            // As a file in single precision has it, and six decimals of a text.
+            check(&moved(&mesh, |at| at.map(|x| f64::from(x as f32)))).unwrap();
+            check(&moved(&mesh, |at| at.map(|x| (1e6 * x).round() / 1e6))).unwrap();
+            // Moved and turned as a whole.
+            check(&moved(&mesh, |[x, y, z]| [3.0 - y, x, z + 1.0])).unwrap();
+            let hodge = parameters["operator"] == "hodge";
+            let refused = |mesh: &TriangleMesh| match check(mesh) {
+                Err(StrangeMesh::Mass { found, expected, .. }) => !hodge && found != expected,
+                Err(StrangeMesh::Area { found, expected, .. }) => hodge && found != expected,
+                _ => false,
+            };
+            assert!(refused(&moved(&mesh, |at| at.map(|x| 1.5 * x))), "{parameters}");
+            assert!(refused(&moved(&mesh, |at| at.map(|x| 1.001 * x))), "{parameters}");
+            if !hodge {
+                assert!(refused(&permuted(&mesh)), "{parameters}");
+            }
+            let other = generate(Shape::Knot, 600).unwrap();
+            assert!(matches!(check(&other), Err(StrangeMesh::Rows { .. })), "{parameters}");
+        }
+    }
+
+    #[test]
+    fn the_first_vertex_that_differs_is_named() {
+        let mesh = generate(Shape::Torus, 500).unwrap();
+        let basis = solved(&mesh, &json!({"method": "hsim", "count": 6}));
+        let mut dented = mesh.clone();
+        dented.positions[100][0] *= 1.05;
+        let near: std::collections::BTreeSet<usize> =
+            mesh.faces.iter().filter(|face| face.contains(&100)).flatten().map(|&v| v as usize).collect();
+        match check_own_mesh(&basis, &dented, None, &Unwatched) {
+            Err(StrangeMesh::Mass { vertex, .. }) => assert!(near.contains(&vertex), "{vertex} {near:?}"),
+            other => panic!("{other:?}"),
+        }
+    }
+}
