@@ -2,7 +2,7 @@
 //!
 //! Every Ritz value lies above the eigenvalue of its number. So no more Ritz values than eigenvalues lie below a shift, and if there are as many, then no
 //! eigenvalue below it is lacking. The inertia of one factor tells (Sylvester). What is lacking no inverse iteration brings soon: a thin shell has many
-//! modes with nearly the same frequency, and those that the local functions lack altogether grow by a hundredth in a step. A Krylov space finds them.
+//! modes with nearly the same frequency, and those that the local functions lack altogether come slowly. A Krylov space finds them.
 
 use chladni_algebra::PanelMatrix;
 
