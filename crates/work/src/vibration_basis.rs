@@ -318,11 +318,13 @@ impl Work for VibrationBasisParameters {
                 };
                 // A Krylov space that may stand in for the modes, beside them where they are few.
                 let instead = match self.inverse_iterations {
-                    None => krylov(TOLERANCE).map_or(0, |space| space + (8 * unknowns * m).min(KEPT_BYTES as u64)),
+                    None => krylov(TOLERANCE).map_or(0, |space| {
+                        space + Some(8 * unknowns * m).filter(|own| *own <= KEPT_BYTES as u64).unwrap_or(0)
+                    }),
                     Some(_) => 0,
                 };
                 // Of these the space and the coefficients stay while modes are refined.
-                (2500 * n + 32 * d * d).max(600 * n + refined).max(instead) + 8 * d * m
+                ((2500 * n + 32 * d * d).max(600 * n + refined) + 8 * d * m).max(instead)
             }
             VibrationMethodName::Hsim => {
                 let tolerance = self.tolerance.unwrap_or(TOLERANCE);

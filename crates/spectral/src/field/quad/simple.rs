@@ -1,9 +1,9 @@
 //! Zeros of higher order, split into simple ones.
 //!
 //! On a surface with the symmetry of a disk that is cut into regular triangles, the smoothest field has one zero of order four in the middle, like
-//! `z⁴`: around it a cross turns once, and no quads meet at a vertex of index 1. Nearly every other surface has four zeros of order one there, since
-//! `z⁴ + ε` has four. So a small field that has no zero there is added, `ε v` with `v` the response to a push at the faces around the vertex: it is as
-//! smooth as the field, and nothing where values are held.
+//! `z⁴`: around it a cross turns once, and no quads meet at a vertex of index 1. Nearly every other surface has four zeros of order one there,
+//! since `z⁴ + ε` has four. So a small field that has no zero there is added, `ε v` with `v` the response to a push at the faces around the vertex:
+//! it is as smooth as the field, and nothing where values are held.
 
 use std::f64::consts::TAU;
 
@@ -34,8 +34,8 @@ struct Zero {
     numerator: i32,
 }
 
-/// The field with its zeros of higher order split, unit values of which are what is wanted: the field itself where it has none, bit for bit. `response`
-/// gives the smoothest field that answers a push, with zeros where values are held.
+/// The field with its zeros of higher order split, unit values of which are what is wanted: the field itself where it has none, bit for bit.
+/// `response` gives the smoothest field that answers a push, with zeros where values are held.
 ///
 /// # Errors
 /// [`QuadError::Zero`] names a vertex of index 1 or more that could not be split, and whatever `response` fails with.
