@@ -167,7 +167,8 @@ mod tests {
     fn permuted(mesh: &TriangleMesh) -> TriangleMesh {
         let n = mesh.positions.len();
         // A step that is prime to `n` visits all.
-        let step = (2..n).map(|k| n / 3 + k).find(|k| (2..=*k).all(|d| k % d > 0 || n % d > 0)).unwrap();
+        let step =
+            (2..n).map(|k| n / 3 + k).find(|k| (2..=*k).all(|d| !k.is_multiple_of(d) || !n.is_multiple_of(d))).unwrap();
         let place = |v: usize| (v * step + 5) % n;
         let mut positions = vec![[0.0; 3]; n];
         mesh.positions.iter().enumerate().for_each(|(v, at)| positions[place(v)] = *at);
