@@ -94,10 +94,9 @@ pub(super) fn measure(
         recorder.copy(y.only()?.raw(), 0, panels.y.only()?.raw(), 0, (n * width * size_of::<f32>()) as u64);
         let enclosing = on_device.enclosures(&mut recorder, &panels)?;
         recorder.finish()?;
-        let residuals: Vec<ResidualSums> =
-            parts.read(device, count)?.into_iter().map(|sums| ResidualSums::of(sums)).collect();
+        let residuals: Vec<ResidualSums> = parts.read(device, count)?.into_iter().map(ResidualSums::of).collect();
         let mut enclosures: Vec<EnclosureSums> =
-            enclosing.read(device, count)?.into_iter().map(|sums| EnclosureSums::of(sums)).collect();
+            enclosing.read(device, count)?.into_iter().map(EnclosureSums::of).collect();
         for _ in 1..judge.most_cycles() {
             if judge.is_close(first, &residuals, &enclosures) {
                 break;
@@ -107,7 +106,7 @@ pub(super) fn measure(
             cycle.add_last(&mut recorder, &panels.y)?;
             let enclosing = on_device.enclosures(&mut recorder, &panels)?;
             recorder.finish()?;
-            enclosures = enclosing.read(device, count)?.into_iter().map(|sums| EnclosureSums::of(sums)).collect();
+            enclosures = enclosing.read(device, count)?.into_iter().map(EnclosureSums::of).collect();
         }
         if let Some(weights) = judge.weights(first, &residuals, &enclosures) {
             if !std::mem::replace(&mut dense, true) {

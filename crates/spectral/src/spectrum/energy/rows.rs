@@ -82,7 +82,6 @@ impl Enclosure {
 
 impl Energy<'_> {
     /// The rows of a patch of one half of [`residuals`](Self::residuals); `x` holds the patch and its first ring.
-    #[expect(clippy::too_many_arguments, reason = "what one patch needs and what it adds to")]
     pub(super) fn patch_residuals(
         &self,
         patch: &Patch,
