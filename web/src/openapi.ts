@@ -2427,7 +2427,8 @@ export interface components {
             /**
              * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the harmonic fields
              *     of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how consistent
-             *     they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems.
+             *     they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems, and
+             *     `measured_on`, of what measured its errors.
              *     Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of what and why. Null where there is nothing of this.
              */
             details: components["schemas"]["EigenbasisDetails"] | null;
@@ -2946,6 +2947,8 @@ export interface components {
             dense_solver?: string[];
             /** @description Where a faster way was given up for a surer one, and why; absent where none was. */
             fallbacks?: string[];
+            /** @description The graphics card that measured the errors of an approximation, a note for each time, or why it did not; absent where no card had to do with it. */
+            measured_on?: string[];
         };
         /** @description A job to be done. Of the kind `eigenbasis`. */
         EigenbasisJobRequest: {
@@ -3089,7 +3092,8 @@ export interface components {
             /**
              * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the harmonic fields
              *     of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how consistent
-             *     they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems.
+             *     they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems, and
+             *     `measured_on`, of what measured its errors.
              *     Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of what and why. Null where there is nothing of this.
              */
             details: components["schemas"]["FieldBasisDetails"];
@@ -4352,7 +4356,8 @@ export interface components {
             /**
              * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the harmonic fields
              *     of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how consistent
-             *     they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems.
+             *     they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems, and
+             *     `measured_on`, of what measured its errors.
              *     Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of what and why. Null where there is nothing of this.
              */
             details: components["schemas"]["MapCollectionDetails"];
@@ -4858,7 +4863,8 @@ export interface components {
             /**
              * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the harmonic fields
              *     of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how consistent
-             *     they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems.
+             *     they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems, and
+             *     `measured_on`, of what measured its errors.
              *     Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of what and why. Null where there is nothing of this.
              */
             details: components["schemas"]["OperatorFamilyDetails"];
@@ -5123,7 +5129,8 @@ export interface components {
             /**
              * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the harmonic fields
              *     of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how consistent
-             *     they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems.
+             *     they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems, and
+             *     `measured_on`, of what measured its errors.
              *     Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of what and why. Null where there is nothing of this.
              */
             details: components["schemas"]["PencilBasisDetails"];
@@ -6568,7 +6575,8 @@ export interface components {
             /**
              * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the harmonic fields
              *     of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how consistent
-             *     they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems.
+             *     they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems, and
+             *     `measured_on`, of what measured its errors.
              *     Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of what and why. Null where there is nothing of this.
              */
             details: components["schemas"]["VibrationBasisDetails"];
