@@ -9,12 +9,13 @@ use super::middleware::REQUEST_ID;
 const REMEMBERED: std::time::Duration = std::time::Duration::from_secs(3600);
 
 /// The headers of ours that answers have. A browser shows a page of another origin only those that are exposed.
-const OWN: [&str; 15] = [
+const OWN: [&str; 16] = [
     "chladni-columns",
     "chladni-dtype",
     "chladni-eigenvalues",
     "chladni-energies",
     "chladni-error",
+    "chladni-estimates",
     "chladni-form",
     "chladni-lines",
     "chladni-modes",

@@ -84,7 +84,7 @@ fn parts_that_do_not_make_a_whole_are_refused_in_a_sentence() {
     );
     let others = part(&other, "2/2", &[]);
     refused(&["join", text(&mesh), text(&one), text(&others)], 1, "it is of another problem, unlike");
-    let precise = part(&other, "1/2", &["--precision", "f64"]);
+    let precise = part(&other, "1/2", &["--precision", "f32"]);
     refused(&["join", text(&other), text(&precise), text(&others)], 1, "something else was asked for, unlike");
     let mut bytes = std::fs::read(&two).unwrap();
     let middle = bytes.len() / 2;

@@ -78,7 +78,10 @@ async fn collections_that_cannot_be_mapped_are_refused() {
         body[name] = value;
         body
     };
-    let two = json!([basis, basis]);
+    let (sphere, _) = app.sphere().await;
+    let job = app.submit(&sphere, json!({"count": 3})).await;
+    let other = text(&app.finished(&text(&job["id"])).await["basis"]);
+    let two = json!([basis, other]);
     refused(
         &app,
         "/v1/map-collections",
@@ -86,6 +89,7 @@ async fn collections_that_cannot_be_mapped_are_refused() {
             (json!({"bases": [basis]}), 422, "invalid-analysis", "shapes: must be between 2 and 32, not 1"),
             (json!({"bases": vec![basis.clone(); 33]}), 422, "invalid-analysis", "at most 32"),
             (json!({"bases": [basis, "x"]}), 404, "unknown-basis", "x"),
+            (json!({"bases": [basis, basis]}), 422, "invalid-parameter/bases", "bases[1] is bases[0] once more"),
             (json!({"bases": two}), 422, "invalid-analysis", "pairs: must be"),
             (with(two.clone(), "step", json!(0)), 422, "invalid-analysis", "must be"),
             (with(two.clone(), "magic", json!(1)), 422, "invalid-request", "magic"),

@@ -184,10 +184,11 @@ fn a_graphics_card_measures_what_the_cpu_measures() {
                 && near(found.lowest, expected.lowest, 1e-12)
                 && near(found.highest, expected.highest, 1e-12);
             assert!(same, "{kind:?} {k}: {found:?} instead of {expected:?}");
-            // Cycles are in single precision; on so small a mesh the CPU solves by a factor where a bound is wide, and what a cycle encloses at its best
-            // is a factor of two.
+            // Cycles are in single precision. On so small a mesh the CPU solves by a factor where a bound is wide, and has the norm itself.
             assert!(found.below > 0.95 * expected.below, "{kind:?} {k}: {found:?} instead of {expected:?}");
-            assert!(found.above < 2.5 * expected.above, "{kind:?} {k}: {found:?} instead of {expected:?}");
+            assert!(found.above >= expected.below, "{kind:?} {k}: {found:?} instead of {expected:?}");
+            let close = found.above < 4.5 * found.below || found.bound < 0.1 * (case.ritz[k] - floor);
+            assert!(close, "{kind:?} {k}: {found:?} instead of {expected:?}");
         }
         let total = |density: &Option<Vec<f64>>| density.as_ref().unwrap().iter().sum::<f64>();
         let (found, expected) = (total(&found_density), total(&density));

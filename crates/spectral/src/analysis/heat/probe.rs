@@ -19,6 +19,10 @@ const PRECISE: f64 = 3e-5;
 /// The least heat that is known to all its digits, next to the most.
 const LEAST_HEAT: f64 = 1e-280;
 
+/// Where heat differs by less than this share of itself across a component, its differences are rounding: by a factor in single and in double precision.
+const SAME: f64 = 1e-4;
+const SAME_IN_DOUBLE: f64 = 1e-9;
+
 /// By which factor heat flows longer where it does not get across the surface, and how often that is tried.
 const LONGER: f64 = 4.0;
 const MOST_TIMES: usize = 20;
@@ -84,7 +88,17 @@ impl Probe<'_> {
             }
         }
         let far: Vec<usize> = first.into_iter().map(|v| coldest[v]).collect();
-        self.flow(heat, &far, time)
+        let flowed = self.flow(heat, &far, time)?;
+        let same = if matches!(heat, Numbers::Single(_)) { SAME } else { SAME_IN_DOUBLE };
+        // The hottest and the coldest of each component, and how many there are, by its number.
+        let mut range = vec![(0.0f64, f64::INFINITY, 0usize); n];
+        for (&component, &place) in self.component.iter().zip(self.place) {
+            let (most, least, count) = &mut range[component as usize];
+            let own = flowed[place as usize];
+            (*most, *least, *count) = (most.max(own), least.min(own), *count + 1);
+        }
+        let differs = |&(most, least, count): &(f64, f64, usize)| count < 2 || most - least > same * most;
+        range.iter().all(differs).then_some(flowed)
     }
 
     /// Heat of some sources, if a factor knows it everywhere.
