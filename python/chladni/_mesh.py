@@ -335,7 +335,8 @@ def distance_request(
 ) -> tuple[dict[str, Any], Callable[[np.ndarray], np.ndarray]]:
     """A request for distances, and what gives its answer the shape that was asked for."""
     if (sources is None) == (pairs is None):
-        raise _arrays.parameter_error("either sources or pairs are needed, not both")
+        told = "and neither is given" if sources is None else "not both"
+        raise _arrays.parameter_error(f"either sources or pairs are needed, {told}")
     request: dict[str, Any] = {"distance": distance, "nearest": bool(nearest)}
     times = distance.get("times")
     if pairs is not None:
