@@ -188,7 +188,7 @@ const MORE: [(&str, &str); 10] = [
     ("fur", r#"{"field": {"design": {}}, "length": 0.1, "tilt": 1.0}"#),
     ("shape-comparisons", r#"{"bases": ["@0", "@1"], "count": 5, "dimensions": 1}"#),
     ("jobs", r#"{"kind": "map_collection", "bases": ["@1", "@7"]}"#),
-    ("map-collections", r#"{"bases": ["@1", "@7"], "pairs": 6, "start": 4}"#),
+    ("map-collections", r#"{"bases": ["@1", "@7"], "pairs": 8, "start": 5}"#),
 ];
 
 const OCTAHEDRON: &str = "OFF\n6 8 0\n1 0 0\n-1 0 0\n0 1 0\n0 -1 0\n0 0 1\n0 0 -1\n\
