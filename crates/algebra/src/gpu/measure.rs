@@ -73,53 +73,35 @@ pub(super) fn measure(
         "a row for each unknown, a column for each value"
     );
     let width = width(device, n, q)?;
-    let on_device = DevicePencil::new(device, pencil)?;
-    let mut cycle = DeviceCycle::new(device, pencil.stiffness, pencil.hierarchy, width)?;
     let panels = Panels::new(device, n, d, width)?;
-    let space = lifted_by(device, pairs.space, &panels.coefficients)?;
+    let mut session = Session {
+        device,
+        pencil: DevicePencil::new(device, pencil)?,
+        cycle: DeviceCycle::new(device, pencil.stiffness, pencil.hierarchy, width)?,
+        space: lifted_by(device, pairs.space, &panels.coefficients)?,
+        panels,
+        monitor,
+    };
     let density = device.buffer::<f64>(n as u64)?;
     let mut dense = false;
     let mut found = PairSums::default();
     for first in (0..q).step_by(width) {
         monitor.checkpoint()?;
         let count = width.min(q - first);
-        panels.fill(device, pencil, pairs, first, count)?;
+        session.panels.fill(device, pencil, pairs, first, count)?;
         let sigmas = panel_of(&pairs.sigmas[first..first + count], width, |&sigma| sigma as f32);
-        cycle.shift(device, &sigmas)?;
-
-        let mut recorder = Recorder::new(device, monitor);
-        space.times(&mut recorder, &panels.x, &panels.coefficients, (1.0, 0.0))?;
-        let parts = on_device.residuals(&mut recorder, &panels)?;
-        let y = cycle.run(&mut recorder, &panels.right)?;
-        recorder.copy(y.only()?.raw(), 0, panels.y.only()?.raw(), 0, (n * width * size_of::<f32>()) as u64);
-        let enclosing = on_device.enclosures(&mut recorder, &panels)?;
-        recorder.finish()?;
-        let residuals: Vec<ResidualSums> = parts.read(device, count)?.into_iter().map(ResidualSums::of).collect();
-        let mut enclosures: Vec<EnclosureSums> =
-            enclosing.read(device, count)?.into_iter().map(EnclosureSums::of).collect();
-        for _ in 1..judge.most_cycles() {
-            if judge.is_close(first, &residuals, &enclosures) {
-                break;
-            }
-            let mut recorder = Recorder::new(device, monitor);
-            cycle.run(&mut recorder, &panels.rest)?;
-            cycle.add_last(&mut recorder, &panels.y)?;
-            let enclosing = on_device.enclosures(&mut recorder, &panels)?;
-            recorder.finish()?;
-            enclosures = enclosing.read(device, count)?.into_iter().map(EnclosureSums::of).collect();
-        }
+        session.cycle.shift(device, &sigmas)?;
+        #[cfg_attr(not(test), expect(unused_mut, reason = "tests spoil a sum"))]
+        let (residuals, mut enclosures) = session.sums(first, count, judge)?;
         if let Some(weights) = judge.weights(first, &residuals, &enclosures) {
             if !std::mem::replace(&mut dense, true) {
                 write_values(device, &density, 0, &vec![0.0; n])?;
             }
-            write_values(device, &panels.weights, 0, &panel_of(&weights, width, |&weight| weight))?;
-            let mut recorder = Recorder::new(device, monitor);
-            panels.add_density(&mut recorder, &density)?;
-            recorder.finish()?;
+            session.add_density(&weights, &density)?;
         }
         if first + count == q {
             let column = count / 2;
-            let held = [pick(device, &panels.right, column)?, pick(device, &panels.y, column)?];
+            let held = [pick(device, &session.panels.right, column)?, pick(device, &session.panels.y, column)?];
             #[cfg(test)]
             if device.spoiled() {
                 enclosures[column].excess *= 1.0 - 1e-6;
@@ -135,6 +117,60 @@ pub(super) fn measure(
         found.density = Some(read_values(device, &density, 0, n)?);
     }
     Ok(found)
+}
+
+/// Everything that measuring needs on the device.
+struct Session<'a> {
+    device: &'a Device,
+    pencil: DevicePencil,
+    cycle: DeviceCycle,
+    space: DeviceSparse<f64>,
+    panels: Panels,
+    monitor: &'a dyn Monitor,
+}
+
+impl Session<'_> {
+    /// The sums of the pairs in the panels, the first of which is `first`, after as many cycles as the judge asks for.
+    fn sums(
+        &mut self,
+        first: usize,
+        count: usize,
+        judge: &dyn Judge,
+    ) -> Result<(Vec<ResidualSums>, Vec<EnclosureSums>), GpuError> {
+        let Self { device, pencil, cycle, space, panels, monitor } = self;
+        let mut recorder = Recorder::new(device, *monitor);
+        space.times(&mut recorder, &panels.x, &panels.coefficients, (1.0, 0.0))?;
+        let parts = pencil.residuals(&mut recorder, panels)?;
+        let y = cycle.run(&mut recorder, &panels.right)?;
+        let bytes = (y.rows() * y.columns() * size_of::<f32>()) as u64;
+        recorder.copy(y.only()?.raw(), 0, panels.y.only()?.raw(), 0, bytes);
+        let enclosing = pencil.enclosures(&mut recorder, panels)?;
+        recorder.finish()?;
+        let residuals: Vec<ResidualSums> = parts.read(device, count)?.into_iter().map(ResidualSums::of).collect();
+        let mut enclosures: Vec<EnclosureSums> =
+            enclosing.read(device, count)?.into_iter().map(EnclosureSums::of).collect();
+        for _ in 1..judge.most_cycles() {
+            if judge.is_close(first, &residuals, &enclosures) {
+                break;
+            }
+            let mut recorder = Recorder::new(device, *monitor);
+            cycle.run(&mut recorder, &panels.rest)?;
+            cycle.add_last(&mut recorder, &panels.y)?;
+            let enclosing = pencil.enclosures(&mut recorder, panels)?;
+            recorder.finish()?;
+            enclosures = enclosing.read(device, count)?.into_iter().map(EnclosureSums::of).collect();
+        }
+        Ok((residuals, enclosures))
+    }
+
+    /// Adds the weighted `y r` of each row.
+    fn add_density(&self, weights: &[f64], density: &Buffer<f64>) -> Result<(), GpuError> {
+        let Self { device, panels, monitor, .. } = self;
+        write_values(device, &panels.weights, 0, &panel_of(weights, panels.y.columns(), |&weight| weight))?;
+        let mut recorder = Recorder::new(device, *monitor);
+        panels.add_density(&mut recorder, density)?;
+        recorder.finish()
+    }
 }
 
 /// One column of a panel, back on this machine.
