@@ -9,7 +9,6 @@ use chladni_work::packed::Packed;
 use chladni_work::plain;
 use serde::de::DeserializeOwned;
 
-use super::numbering::Took;
 use super::problem::{self, Problem};
 use crate::store::PageRequest;
 
@@ -42,16 +41,15 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for QueryOf<T> {
         match Query::<T>::from_request_parts(parts, state).await {
             Ok(Query(value)) => Ok(Self(value)),
             Err(QueryRejection::FailedToDeserializeQueryString(error)) => {
-                let also = parts.extensions.get::<Took>().map_or(&[][..], |_| &Took::NAMES);
-                Err(invalid_query(&error.body_text(), parts.uri.query().unwrap_or_default(), also))
+                Err(invalid_query(&error.body_text(), parts.uri.query().unwrap_or_default()))
             }
             Err(other) => Err(Problem::internal(other)),
         }
     }
 }
 
-/// What is wrong with a query, in words; `also` are parameters that the route takes besides those that were being read.
-pub fn invalid_query(said: &str, query: &str, also: &[&str]) -> Problem {
+/// What is wrong with a query, in words. Parameters that there are not were refused before it was read ([`super::parameters`]).
+pub fn invalid_query(said: &str, query: &str) -> Problem {
     let said = said.strip_prefix("Failed to deserialize query string: ").unwrap_or(said);
     // The parameter, and what is wrong with it.
     let named = said.split_once(": ").filter(|(name, _)| name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_'));
@@ -65,22 +63,8 @@ pub fn invalid_query(said: &str, query: &str, also: &[&str]) -> Problem {
         "provided string was not `true` or `false`" => "true or false",
         _ => "",
     };
-    let told = if !wanted.is_empty() {
-        format!("{name} must be {wanted}{}", given())
-    } else if let Some(unknown) = reason.strip_prefix("unknown field `") {
-        let (unknown, known) = unknown.split_once('`').unwrap_or((unknown, ""));
-        let known = known.split('`').skip(1).step_by(2).chain(also.iter().copied());
-        let known: Vec<String> = known.map(|name| format!("{name:?}")).collect();
-        match known.as_slice() {
-            [] => format!("{unknown:?} is no parameter here; there are none"),
-            [only] => format!("{unknown:?} is no parameter here; the only one is {only}"),
-            [others @ .., last] => {
-                format!("{unknown:?} is no parameter here; there are {} and {last}", others.join(", "))
-            }
-        }
-    } else {
-        plain::told(name, reason)
-    };
+    let told =
+        if !wanted.is_empty() { format!("{name} must be {wanted}{}", given()) } else { plain::told(name, reason) };
     Problem::new(&problem::INVALID_QUERY, format!("The query is invalid: {told}."))
 }
 

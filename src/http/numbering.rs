@@ -53,15 +53,6 @@ pub struct NumberingQuery {
     pub extend: ExtensionName,
 }
 
-/// That a request has a numbering, whose parameters are then no longer in its query.
-#[derive(Debug, Clone, Copy)]
-pub struct Took;
-
-impl Took {
-    /// The parameters.
-    pub const NAMES: [&str; 2] = ["numbering", "extend"];
-}
-
 /// The numbering of a request. Comes before the other parameters of the query, and takes its own out of it.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Numbered(pub NumberingQuery);
@@ -70,16 +61,15 @@ impl<S: Send + Sync> FromRequestParts<S> for Numbered {
     type Rejection = Problem;
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
-        parts.extensions.insert(Took);
         let Some(query) = parts.uri.query() else { return Ok(Self::default()) };
-        let own = |pair: &&str| pair.split('=').next().is_some_and(|name| Took::NAMES.contains(&name));
+        let own = |pair: &&str| matches!(pair.split('=').next(), Some("numbering" | "extend"));
         let (mine, others): (Vec<&str>, Vec<&str>) = query.split('&').partition(own);
         if mine.is_empty() {
             return Ok(Self::default());
         }
         let own = Uri::try_from(format!("/?{}", mine.join("&"))).map_err(Problem::internal)?;
         let found = Query::<NumberingQuery>::try_from_uri(&own);
-        let Query(found) = found.map_err(|error| extract::invalid_query(&error.body_text(), &mine.join("&"), &[]))?;
+        let Query(found) = found.map_err(|error| extract::invalid_query(&error.body_text(), &mine.join("&")))?;
         let rest = match others.is_empty() {
             true => parts.uri.path().to_owned(),
             false => format!("{}?{}", parts.uri.path(), others.join("&")),

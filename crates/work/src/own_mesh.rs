@@ -1,6 +1,7 @@
 //! Whether a mesh is the one that a basis of a file lives on: a file has no positions, but the mass of every vertex.
 
 use chladni_base::Monitor;
+use chladni_mesh::measure::face_area;
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::Basis;
 use serde_json::json;
@@ -111,8 +112,7 @@ fn room(mesh: &TriangleMesh, solid: Option<&TetMesh>) -> Vec<f64> {
     let mut room = vec![0.0; positions.len()];
     let longest = |corners: &[u32]| {
         let pairs = corners.iter().flat_map(|&a| corners.iter().map(move |&b| (a as usize, b as usize)));
-        let square = |(a, b): (usize, usize)| (0..3).map(|k| (positions[a][k] - positions[b][k]).powi(2)).sum::<f64>();
-        pairs.map(square).fold(0.0, f64::max).sqrt()
+        pairs.map(|(a, b)| distance(positions, a, b)).fold(0.0, f64::max)
     };
     match solid {
         Some(solid) => solid.tetrahedra.iter().for_each(|corners| {
@@ -127,6 +127,10 @@ fn room(mesh: &TriangleMesh, solid: Option<&TetMesh>) -> Vec<f64> {
     room
 }
 
+fn distance(positions: &[[f64; 3]], a: usize, b: usize) -> f64 {
+    (0..3).map(|k| (positions[a][k] - positions[b][k]).powi(2)).sum::<f64>().sqrt()
+}
+
 /// The same for eigenfields, two numbers for each face, whose mass is the area of the face.
 fn check_areas(basis: &Basis, mesh: &TriangleMesh) -> Result<(), StrangeMesh> {
     let rows = 2 * mesh.faces.len();
@@ -134,14 +138,12 @@ fn check_areas(basis: &Basis, mesh: &TriangleMesh) -> Result<(), StrangeMesh> {
         return Err(StrangeMesh::Rows { rows: basis.vertices(), vertices: mesh.positions.len() });
     }
     let found = basis.mass.multiply(&vec![1.0; rows]);
-    let off = ROUNDED * mesh.positions.iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
+    let positions = &mesh.positions;
+    let off = ROUNDED * positions.iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
     for (face, corners) in mesh.faces.iter().enumerate() {
-        let [a, b, c] = corners.map(|vertex| mesh.positions[vertex as usize]);
-        let [u, v]: [[f64; 3]; 2] = [std::array::from_fn(|k| b[k] - a[k]), std::array::from_fn(|k| c[k] - a[k])];
-        let cross = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-        let size = |x: &[f64; 3]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
-        let expected = 0.5 * size(&cross);
-        if !((found[2 * face] - expected).abs() <= ROUNDED * expected + 4.0 * off * (size(&u) + size(&v))) {
+        let [a, b, c] = corners.map(|vertex| vertex as usize);
+        let (expected, edges) = (face_area(mesh, corners), distance(positions, a, b) + distance(positions, a, c));
+        if !((found[2 * face] - expected).abs() <= ROUNDED * expected + 4.0 * off * edges) {
             return Err(StrangeMesh::Area { face, found: found[2 * face], expected });
         }
     }

@@ -25,7 +25,7 @@ mod rows;
 
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 pub(super) use corrections::Corrections;
 pub use direct::{FACTOR_BYTES, MOST_FACTORED};
@@ -83,6 +83,8 @@ pub struct Energy<'a> {
     /// `c`.
     floor: f64,
     hierarchy: Multigrid,
+    /// `S` with its rows in that order, for devices alone: patches have their own rows of it.
+    ordered: OnceLock<SparseMatrix>,
 }
 
 impl<'a> Energy<'a> {
@@ -98,7 +100,7 @@ impl<'a> Energy<'a> {
         let floor = (-floor).max(0.0);
         let hierarchy = Multigrid::new(&stiffness, &mass, floor, monitor)?;
         let rounding = rounding_weights(&stiffness, &lumped);
-        Ok(Self { problem, order, mass, lumped, rounding, floor, hierarchy })
+        Ok(Self { problem, order, mass, lumped, rounding, floor, hierarchy, ordered: OnceLock::new() })
     }
 
     /// Measures the pairs with Ritz values `ritz`, ascending, and vectors `space · coefficients`. With a `goal`, also where pairs miss energy whose

@@ -59,10 +59,11 @@ pub fn judged(
     }
     let full = FullSpace::new(surface, basis.kind, boundary, monitor)?;
     monitor.stage("errors");
-    let lifted = |k: usize| basis.space.lift(&model.eigenfield(k)).unwrap_or_default();
     let idle = LowestFields::idle(model.values());
     let [wanted, together] = [judging.wanted, judging.together].map(|own| (idle + own).min(model.dimension()));
-    let start = (0..together).map(|k| lifted(k).into_iter().map(f64::from).collect()).collect();
+    // What a model of another space cannot lift has no numbers, and is refused for that below.
+    let lifted = |k: usize| basis.space.lift(&model.eigenfield(k)).into_iter().flatten().map(f64::from).collect();
+    let start = (0..together).map(lifted).collect();
     let found = full.eigenfields(start, wanted, EigenfieldGoal::Estimate, monitor)?;
     Ok(Some(found.certificate(model.values(), basis.area)))
 }

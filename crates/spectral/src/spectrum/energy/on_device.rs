@@ -58,9 +58,9 @@ impl Energy<'_> {
         if !accelerator.would_measure(space.rows(), space.entries(), ritz.len()) {
             return Ok(None);
         }
-        let stiffness = self.problem.stiffness.reordered(&self.order);
+        let stiffness = self.ordered.get_or_init(|| self.problem.stiffness.reordered(&self.order));
         let pencil = MeasuredPencil {
-            stiffness: &stiffness,
+            stiffness,
             mass: &self.mass,
             lumped: &self.lumped,
             rounding: &self.rounding,

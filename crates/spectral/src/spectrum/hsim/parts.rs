@@ -386,12 +386,8 @@ fn fingerprint(problem: &EigenProblem) -> Fingerprint {
     let mut products = [0.0; 6];
     for pair in products.chunks_exact_mut(2) {
         let x: Vec<f64> = (0..n).map(|_| random.signed_unit()).collect();
-        let row = |row: usize| {
-            let (columns, values) = problem.stiffness.row(row);
-            x[row] * columns.iter().zip(values).map(|(&column, value)| value * x[column as usize]).sum::<f64>()
-        };
-        pair[0] = (0..n).map(row).sum();
-        pair[1] = problem.mass.multiply(&x).iter().zip(&x).map(|(a, b)| a * b).sum();
+        let with_x = |image: Vec<f64>| image.iter().zip(&x).map(|(a, b)| a * b).sum();
+        (pair[0], pair[1]) = (with_x(problem.stiffness.multiply(&x)), with_x(problem.mass.multiply(&x)));
     }
     Fingerprint { unknowns: n, entries: problem.stiffness.entries(), products }
 }
