@@ -105,8 +105,8 @@ impl KernelName {
             Self::Column | Self::Reflect | Self::Combine => &[true, false, false],
             Self::Sparse => &[true, true, true, true, false],
             Self::Smooth => &[true, true, true, true, true, true, true, false],
-            Self::Residuals => &[true, true, true, true, true, true, true, true, true, false, false],
-            Self::Enclosure => &[true, true, true, true, true, true, true, true, true, true, false, false],
+            Self::Residuals => &[true, true, true, true, true, true, true, false, true, true, false],
+            Self::Enclosure => &[true, true, true, true, true, true, true, false, true, true, true, false],
             Self::Density => &[true, true, true, false],
         }
     }
@@ -125,8 +125,8 @@ impl KernelName {
             Self::Smooth => Pass::ALL.iter().fold(include_str!("smooth.wgsl").to_owned(), |text, pass| {
                 text.replace(&format!("{{{}}}", pass.name()), &(*pass as u32).to_string())
             }),
-            Self::Residuals => include_str!("residuals.wgsl").replace("{REDUCE}", include_str!("reduce.wgsl")),
-            Self::Enclosure => include_str!("enclosure.wgsl").replace("{REDUCE}", include_str!("reduce.wgsl")),
+            Self::Residuals => include_str!("residuals.wgsl").replace("{SUMS}", include_str!("sums.wgsl")),
+            Self::Enclosure => include_str!("enclosure.wgsl").replace("{SUMS}", include_str!("sums.wgsl")),
             Self::Density => include_str!("density.wgsl").to_owned(),
         };
         text.replace("{T}", T::NAME).replace("{THREADS}", &VECTOR_THREADS.to_string())

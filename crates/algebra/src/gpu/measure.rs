@@ -396,9 +396,9 @@ impl DevicePencil {
             mass_columns.binding(),
             self.masses.binding(),
             self.weights.binding(),
+            sums.binding(),
         ];
         buffers.extend_from_slice(after);
-        buffers.push(sums.binding());
         let bound = kernel.bind(&device.device, &buffers);
         let mut part = 0;
         for first in (0..rows).step_by(at_once) {

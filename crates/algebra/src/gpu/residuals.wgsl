@@ -1,22 +1,8 @@
-// r = S x - theta M x for a panel of columns, both matrices in compressed rows, and for each column the sums that its bounds are made of. A group
-// sums up its rows; sum `v` of group `g` for column `k` lies at (v * parts + g) * width + k.
-struct Shape { first: u32, end: u32, width: u32, groups: u32, part: u32, parts: u32 }
-var<immediate> s: Shape;
-@group(0) @binding(0) var<storage, read> starts: array<u32>;
-@group(0) @binding(1) var<storage, read> columns: array<u32>;
-@group(0) @binding(2) var<storage, read> values: array<{T}>;
-@group(0) @binding(3) var<storage, read> mass_starts: array<u32>;
-@group(0) @binding(4) var<storage, read> mass_columns: array<u32>;
-@group(0) @binding(5) var<storage, read> mass_values: array<{T}>;
-// One over the lumped mass of each row, and the weight of its rounding errors.
-@group(0) @binding(6) var<storage, read> weights: array<vec2<{T}>>;
-@group(0) @binding(7) var<storage, read> thetas: array<{T}>;
-@group(0) @binding(8) var<storage, read> x: array<{T}>;
-@group(0) @binding(9) var<storage, read_write> right: array<f32>;
-@group(0) @binding(10) var<storage, read_write> sums: array<{T}>;
-var<workgroup> shared_sums: array<{T}, {THREADS}>;
-
-{REDUCE}
+// r = S x - theta M x for a panel of columns, both matrices in compressed rows, and for each column the sums that its bounds are made of.
+{SUMS}
+@group(0) @binding(8) var<storage, read> thetas: array<{T}>;
+@group(0) @binding(9) var<storage, read> x: array<{T}>;
+@group(0) @binding(10) var<storage, read_write> right: array<f32>;
 
 @compute @workgroup_size({THREADS})
 fn main(@builtin(workgroup_id) wg: vec3<u32>, @builtin(local_invocation_index) t: u32) {
