@@ -100,18 +100,18 @@ pub fn certify(
     let mut certificate = Certificate::default();
     for (k, (measure, &theta)) in measures.iter().zip(ritz).enumerate() {
         certificate.residuals.push(if theta.abs() <= KERNEL {
-            ratio(measure.stiffness.sqrt(), stiffness_norm * measure.square.sqrt())
+            ratio(measure.sums.stiffness.sqrt(), stiffness_norm * measure.sums.square.sqrt())
         } else {
-            ratio(measure.residual.sqrt(), measure.stiffness.sqrt())
+            ratio(measure.sums.residual.sqrt(), measure.sums.stiffness.sqrt())
         });
         certificate.bounds.push(measure.bound / problem.area);
         certificate.estimates.push(measure.estimate / problem.area);
-        if measure.lowest < -measure.highest {
+        if measure.sums.lowest < -measure.sums.highest {
             coefficients.column_mut(k).iter_mut().for_each(|x| *x = -*x);
         }
     }
     monitor.checkpoint()?;
-    let lifted = measures.iter().map(|measure| (measure.mass - 1.0).abs()).fold(0.0, f64::max);
+    let lifted = measures.iter().map(|measure| (measure.sums.mass - 1.0).abs()).fold(0.0, f64::max);
     certificate.orthonormality_defect = gram_defect(reduced_mass, coefficients).ok_or(misfit)?.max(lifted);
     Ok((certificate, density))
 }

@@ -270,7 +270,7 @@ impl<'a> Energy<'a> {
         let stored = factor * rounding / sigma.sqrt();
         let above = (below + summed + excess * excess).sqrt() + stored;
         let above_dual = factor * (sums.dual.sqrt() + rounding);
-        let mut measure = Measure { sigma, below: below.sqrt(), above, above_dual, ..sums };
+        let mut measure = Measure { sums, sigma, below: below.sqrt(), above, above_dual, ..Measure::default() };
         measure.bound = measure.distance(ritz, self.floor);
         measure.estimate = measure.error(ritz + self.floor, mass_of_y * mass_of_y).min(measure.bound);
         measure

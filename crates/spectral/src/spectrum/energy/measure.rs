@@ -1,5 +1,7 @@
 //! What is known of one pair: a bound and an estimate of its error from the sums over the mesh.
 
+use chladni_algebra::gpu::ResidualSums;
+
 /// A pair that misses what is not far above its value, or below, gains more than this many times `‖r‖²_{A⁻¹}`, and nobody knows how much.
 const MOST_AMPLIFIED: f64 = 6.0;
 
@@ -9,22 +11,8 @@ const UNGAINED: f64 = 1.12;
 /// What is known of one pair on the mesh, on unit area.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Measure {
-    /// `‖S x − θ M x‖²`.
-    pub residual: f64,
-    /// The same in the inverse lumped mass.
-    pub dual: f64,
-    /// `‖S x‖²`
-    pub stiffness: f64,
-    /// `‖x‖²`
-    pub square: f64,
-    /// `xᵀ M x`
-    pub mass: f64,
-    /// `xᵀ S x`
-    pub energy: f64,
-    /// The least entry of `x`.
-    pub lowest: f64,
-    /// The greatest entry of `x`.
-    pub highest: f64,
+    /// Sums over the rows of its residual.
+    pub sums: ResidualSums,
     /// σ.
     pub sigma: f64,
     /// `‖r‖_{A⁻¹}` from below.
@@ -46,10 +34,10 @@ impl Measure {
         let shifted = theta + floor + self.sigma;
         // Sums of squares err by far less than this.
         let exact = 1.0 - 1e-10;
-        let norm = (exact * (self.energy + (floor + self.sigma) * self.mass)).max(0.0).sqrt();
+        let norm = (exact * (self.sums.energy + (floor + self.sigma) * self.sums.mass)).max(0.0).sqrt();
         let eta = self.above / norm;
         let energy = if eta < 1.0 { eta * shifted / (1.0 - eta) } else { f64::INFINITY };
-        let dual = self.above_dual / (exact * self.mass).max(0.0).sqrt();
+        let dual = self.above_dual / (exact * self.sums.mass).max(0.0).sqrt();
         // NaN, from a vector of zeros, bounds nothing.
         if energy <= dual {
             energy
@@ -65,6 +53,6 @@ impl Measure {
     pub(super) fn error(&self, theta: f64, mass_of_y: f64) -> f64 {
         let square = self.below * self.below;
         let left = 1.0 - (theta + self.sigma) * mass_of_y / square.max(f64::MIN_POSITIVE);
-        UNGAINED * square / (left.max(1.0 / MOST_AMPLIFIED) * self.mass.max(f64::MIN_POSITIVE))
+        UNGAINED * square / (left.max(1.0 / MOST_AMPLIFIED) * self.sums.mass.max(f64::MIN_POSITIVE))
     }
 }

@@ -1,6 +1,6 @@
 //! The rows of a patch: residuals of sixteen pairs, and the terms that enclose their norms.
 
-use super::{Energy, MASS_ROUNDING, Measure, SINGLE};
+use super::{Energy, MASS_ROUNDING, SINGLE};
 use chladni_algebra::gpu::{EnclosureSums, ResidualSums};
 use chladni_algebra::{CYCLE_WIDTH, CycleRow, LIFT_WIDTH, MassMatrix, Patch, SparseMatrix, vectorized};
 
@@ -13,7 +13,7 @@ pub(super) struct Residuals {
 /// Sums over the residual of a pair.
 #[derive(Default, Clone, Copy)]
 pub(super) struct PairResidual {
-    pub(super) sums: Measure,
+    pub(super) sums: ResidualSums,
     /// `‖δ‖` in the inverse lumped mass, δ a bound on the rounding errors of each row, storing it in single precision included.
     pub(super) rounding: f64,
 }
@@ -21,11 +21,9 @@ pub(super) struct PairResidual {
 impl PairResidual {
     /// Of the sums of a pair with the value `theta`.
     pub(super) fn new(sums: &ResidualSums, theta: f64) -> Self {
-        let ResidualSums { residual, dual, stiffness, square, mass, energy, rounding, lowest, highest } = *sums;
-        Self {
-            sums: Measure { residual, dual, stiffness, square, mass, energy, lowest, highest, ..Measure::default() },
-            rounding: rounding.sqrt() + MASS_ROUNDING * theta.abs() * mass.sqrt() + SINGLE * dual.sqrt(),
-        }
+        let ResidualSums { dual, mass, rounding, .. } = *sums;
+        let rounding = rounding.sqrt() + MASS_ROUNDING * theta.abs() * mass.sqrt() + SINGLE * dual.sqrt();
+        Self { sums: *sums, rounding }
     }
 }
 
