@@ -16,7 +16,7 @@ mod restrict;
 mod sharing;
 mod smoother;
 
-use std::sync::{Mutex, OnceLock, PoisonError};
+use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
@@ -29,7 +29,7 @@ use self::smoother::{Buffers, Factors, add_product, residual, restrict};
 pub(crate) use self::smoother::{ChebyshevStep, FIRST_GAMMA, chebyshev};
 use super::patches::{RINGS, SparseRows, patches};
 use super::{EigenError, MassMatrix, Patch, SparseMatrix, vectorized};
-use chladni_base::{Cancelled, Monitor};
+use chladni_base::{Cancelled, Monitor, Spare};
 
 /// Right-hand sides of a panel.
 pub const CYCLE_WIDTH: usize = 16;
@@ -110,7 +110,7 @@ pub struct CycleWorkspace {
     /// Where threads share a panel, what is left of the right-hand side on the finest level.
     rest: Option<Vec<CycleRow>>,
     /// Patches with their rings, one for each thread.
-    patches: Mutex<Vec<Buffers>>,
+    patches: Spare<Buffers>,
     levels: Vec<Buffers>,
     reduced: Vec<CycleRow>,
 }
@@ -212,7 +212,7 @@ impl Multigrid {
         CycleWorkspace {
             smoothed: zeros(self.finest.as_ref().map_or(0, |finest| finest.diagonal.mass.len())),
             rest,
-            patches: Mutex::default(),
+            patches: Spare::default(),
             levels: self.levels.iter().map(buffers).collect(),
             reduced: zeros(self.coarsest.as_ref().map_or(0, |coarsest| coarsest.values.len())),
         }
@@ -249,11 +249,11 @@ impl Multigrid {
         match rest {
             None => {
                 levels[0].right.fill([0.0; CYCLE_WIDTH]);
-                let mut local = patches.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
-                for patch in &self.patches {
-                    finest.down(patch, sigma, right, &mut local, smoothed, &mut levels[0].right);
-                }
-                patches.lock().unwrap_or_else(PoisonError::into_inner).push(local);
+                patches.with(Buffers::default, |local| {
+                    for patch in &self.patches {
+                        finest.down(patch, sigma, right, local, smoothed, &mut levels[0].right);
+                    }
+                });
             }
             Some(rest) => {
                 let parts = by_patch(&self.patches, smoothed).into_iter().zip(by_patch(&self.patches, rest)).collect();

@@ -1,8 +1,10 @@
-//! What every crate of Chladni needs and none is about: the hook through which long work reports and is stopped, and a seeded
-//! random generator.
+//! What every crate of Chladni needs and none is about: the hook through which long work reports and is stopped, a seeded random generator, and memory
+//! that one piece of work leaves to the next.
 
 mod monitor;
 mod random;
+mod spare;
 
 pub use monitor::{Cancelled, Monitor, Quiet, Share, StageClock, Unwatched, notes};
 pub use random::SplitMix64;
+pub use spare::Spare;

@@ -6,7 +6,7 @@ use super::error::GpuError;
 use super::kernel::{KernelName, Pass, VECTOR_THREADS};
 use super::matrix::{DeviceMatrix, upload};
 use super::multiply::{Form, multiply};
-use super::recorder::{PORTION_SECONDS, Recorder};
+use super::recorder::Recorder;
 use super::sparse::DeviceSparse;
 use crate::multigrid::{
     AFTER, BEFORE, COARSE_AFTER, COARSE_BEFORE, ChebyshevStep, Coarsest, Diagonal, FIRST_GAMMA, LAST_DEGREE, chebyshev,
@@ -267,10 +267,9 @@ fn pass_over(
     );
     let rows_of_group = VECTOR_THREADS as usize / width;
     let row_seconds = 16.0 * (level.entries as f64 / rows.max(1) as f64 + 4.0) * width as f64 / device.rate::<f32>();
-    let groups_at_once = ((0.5 * PORTION_SECONDS / (row_seconds * rows_of_group as f64)) as usize)
-        .clamp(1, device.limits().groups as usize);
-    for first in (0..rows).step_by(groups_at_once * rows_of_group) {
-        let count = (groups_at_once * rows_of_group).min(rows - first);
+    let at_once = recorder.rows_at_once(row_seconds, rows_of_group);
+    for first in (0..rows).step_by(at_once) {
+        let count = at_once.min(rows - first);
         let shape = Shape {
             end: (first + count) as u32,
             width: width as u32,

@@ -11,7 +11,7 @@ use super::matrix::{DeviceMatrix, read_values, upload, write_values};
 use super::measure_check;
 use super::multiply::{Form, multiply};
 use super::pair_sums::{EnclosureSums, Judge, MeasuredPairs, MeasuredPencil, PairSums, ResidualSums};
-use super::recorder::{PORTION_SECONDS, Recorder};
+use super::recorder::Recorder;
 use super::resident::offsets;
 use super::sparse::DeviceSparse;
 use crate::{MassMatrix, SparseMatrix, WeightedMass};
@@ -268,7 +268,7 @@ impl Panels {
         let (rows, width) = (self.y.rows(), self.y.columns());
         let rows_of_group = VECTOR_THREADS as usize / width;
         let row_seconds = 32.0 * width as f64 / device.rate::<f64>();
-        let at_once = rows_at_once(device, row_seconds, rows_of_group, device.limits().groups as usize);
+        let at_once = recorder.rows_at_once(row_seconds, rows_of_group);
         for first in (0..rows).step_by(at_once) {
             let count = at_once.min(rows - first);
             let shape = Shape { first: first as u32, end: (first + count) as u32, width: width as u32 };
@@ -277,12 +277,6 @@ impl Panels {
         }
         Ok(())
     }
-}
-
-/// Rows that a dispatch takes in a part of a portion; groups take some of them at a time.
-fn rows_at_once(device: &Device, row_seconds: f64, rows_of_group: usize, most_groups: usize) -> usize {
-    let most = (0.5 * PORTION_SECONDS / row_seconds) as usize / rows_of_group;
-    most.clamp(1, most_groups.min(device.limits().groups as usize)) * rows_of_group
 }
 
 /// `N` sums of each column, in parts.
@@ -382,7 +376,7 @@ impl DevicePencil {
         let kernel = device.kernel::<f64>(name)?;
         let rows_of_group = VECTOR_THREADS as usize / width;
         let row_seconds = 16.0 * (self.entries as f64 / rows.max(1) as f64 + 8.0) * width as f64 / device.rate::<f64>();
-        let at_once = rows_at_once(device, row_seconds, rows_of_group, usize::MAX);
+        let at_once = recorder.rows_at_once(row_seconds, rows_of_group);
         let groups_of = |first: usize| at_once.min(rows - first).div_ceil(rows_of_group).min(GROUPS);
         let parts: usize = (0..rows).step_by(at_once).map(groups_of).sum();
         let sums = device.buffer::<f64>((N * parts * width) as u64)?;

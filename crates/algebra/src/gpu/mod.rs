@@ -59,6 +59,9 @@ mod engine;
 
 #[cfg(feature = "gpu")]
 #[cfg(test)]
+mod measure_tests;
+#[cfg(feature = "gpu")]
+#[cfg(test)]
 mod tests;
 
 pub use accelerator::{Accelerator, accelerator, choose};

@@ -33,6 +33,13 @@ impl<'a> Recorder<'a> {
         self.device
     }
 
+    /// Rows that a dispatch takes where each takes so many seconds and a group works on some at a time: half a portion of work at most, and no more
+    /// groups than the device allows.
+    pub(super) fn rows_at_once(&self, row_seconds: f64, rows_of_group: usize) -> usize {
+        let groups = (0.5 * PORTION_SECONDS / (row_seconds * rows_of_group as f64)) as usize;
+        groups.clamp(1, self.device.limits().groups as usize) * rows_of_group
+    }
+
     fn encoder(&mut self) -> &mut wgpu::CommandEncoder {
         self.encoder.get_or_insert_with(|| self.device.device.create_command_encoder(&Default::default()))
     }

@@ -5,7 +5,7 @@ use super::error::GpuError;
 use super::kernel::{KernelName, VECTOR_THREADS};
 use super::matrix::{DeviceMatrix, upload};
 use super::real::Real;
-use super::recorder::{PORTION_SECONDS, Recorder};
+use super::recorder::Recorder;
 
 /// A sparse matrix in compressed rows, cut along its columns as the matrix that it multiplies is along its rows.
 pub(super) struct DeviceSparse<T> {
@@ -89,8 +89,7 @@ impl<T: Real> DeviceSparse<T> {
         let rows_of_group = VECTOR_THREADS as usize / across;
         // Each term is two operations, but fetches what the arithmetic waits for.
         let row_seconds = 16.0 * (self.entries as f64 / self.rows.max(1) as f64 + 1.0) * n as f64 / device.rate::<T>();
-        let groups_at_once = ((0.5 * PORTION_SECONDS / (row_seconds * rows_of_group as f64)) as usize)
-            .clamp(1, device.limits().groups as usize);
+        let at_once = recorder.rows_at_once(row_seconds, rows_of_group);
         for (place, (panel, (_, _, a_buffer))) in self.panels.iter().zip(a.panels()).enumerate() {
             let beta = if place == 0 { beta } else { 1.0 };
             for (c_first, c_rows, c_buffer) in c.panels() {
@@ -104,8 +103,8 @@ impl<T: Real> DeviceSparse<T> {
                         c_buffer.binding(),
                     ],
                 );
-                for first in (0..c_rows).step_by(groups_at_once * rows_of_group) {
-                    let count = (groups_at_once * rows_of_group).min(c_rows - first);
+                for first in (0..c_rows).step_by(at_once) {
+                    let count = at_once.min(c_rows - first);
                     let shape = Shape {
                         rows: (c_first + first + count) as u32,
                         n: n as u32,

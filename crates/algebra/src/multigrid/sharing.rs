@@ -1,8 +1,7 @@
 //! Who works on a panel: a thread of its own, or all threads together. Panels of their own need no waiting, but memory for each, and leave threads idle
 //! where there are fewer panels.
 
-use std::sync::{Mutex, PoisonError};
-
+use chladni_base::Spare;
 use rayon::prelude::*;
 
 use super::CycleRow;
@@ -40,19 +39,11 @@ impl Sharing {
 pub(super) fn over_patches<T: Send, S: Send>(
     sharing: Sharing,
     patches: &[Patch],
-    buffers: &Mutex<Vec<Buffers>>,
+    buffers: &Spare<Buffers>,
     targets: Vec<T>,
     work: impl Fn(&Patch, &mut Buffers, T) -> S + Sync,
 ) -> Vec<S> {
-    let idle = || buffers.lock().unwrap_or_else(PoisonError::into_inner);
-    let one = |(patch, target): (&Patch, T)| {
-        // Fresh memory costs as much as a cycle.
-        let left = idle().pop();
-        let mut local = left.unwrap_or_default();
-        let answer = work(patch, &mut local, target);
-        idle().push(local);
-        answer
-    };
+    let one = |(patch, target): (&Patch, T)| buffers.with(Buffers::default, |local| work(patch, local, target));
     match sharing {
         Sharing::OneThread => patches.iter().zip(targets).map(one).collect(),
         Sharing::AllThreads => patches.par_iter().zip(targets).map(one).collect(),

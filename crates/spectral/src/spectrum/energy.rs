@@ -38,7 +38,7 @@ use chladni_algebra::{
     CYCLE_WIDTH, CycleRow, CycleWorkspace, DenseMatrix, LIFT_WIDTH, MassMatrix, Multigrid, MultigridError, PATCH_ROWS,
     Patch, RowLifter, SparseMatrix, by_patch, compact_order,
 };
-use chladni_base::{Cancelled, Monitor};
+use chladni_base::{Cancelled, Monitor, Spare};
 
 /// σ as a share of the lowest value of a panel that is not zero. Measured on igea, armadillo and rolling-stage with 500 pairs: 0.7 takes 40, 85 and
 /// 131 cycles (the last two in three rounds) where 0.3 takes 56, 104 and 152, for bounds of the same width, and estimates are closer; with 2
@@ -288,24 +288,22 @@ impl<'a> Energy<'a> {
         let mut theta = [0.0; LIFT_WIDTH];
         theta[..ritz.len()].copy_from_slice(ritz);
         let patches = self.hierarchy.patches();
-        let idle: Mutex<&mut Vec<Vec<_>>> = Mutex::new(&mut workspace.lifted);
-        let [first, second] = &mut workspace.right;
+        let Workspace { lifted, right: [first, second], shared, .. } = workspace;
         let rights: Vec<_> = by_patch(patches, first).into_iter().zip(by_patch(patches, second)).collect();
         let one = |(patch, (first, second)): (&Patch, (&mut [CycleRow], &mut [CycleRow]))| {
-            let left = idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
-            let mut x: Vec<[f64; LIFT_WIDTH]> = left.unwrap_or_default();
-            let vertices = patch.vertices(1);
-            x.resize(vertices.len(), [0.0; LIFT_WIDTH]);
-            lifter.lift(vertices, panel, &mut x);
-            let mut totals: Totals = Default::default();
-            for (half, right) in [first, second].into_iter().enumerate().take(ritz.len().div_ceil(CYCLE_WIDTH)) {
-                let theta: [f64; CYCLE_WIDTH] = std::array::from_fn(|k| theta[half * CYCLE_WIDTH + k]);
-                self.patch_residuals(patch, &x, half, &theta, &mut totals[half], right);
-            }
-            idle.lock().unwrap_or_else(PoisonError::into_inner).push(x);
-            totals
+            lifted.with(Vec::new, |x| {
+                let vertices = patch.vertices(1);
+                x.resize(vertices.len(), [0.0; LIFT_WIDTH]);
+                lifter.lift(vertices, panel, x);
+                let mut totals: Totals = Default::default();
+                for (half, right) in [first, second].into_iter().enumerate().take(ritz.len().div_ceil(CYCLE_WIDTH)) {
+                    let theta: [f64; CYCLE_WIDTH] = std::array::from_fn(|k| theta[half * CYCLE_WIDTH + k]);
+                    self.patch_residuals(patch, x, half, &theta, &mut totals[half], right);
+                }
+                totals
+            })
         };
-        let parts: Vec<Totals> = match workspace.shared {
+        let parts: Vec<Totals> = match shared {
             true => patches.par_iter().zip(rights).map(one).collect(),
             false => patches.iter().zip(rights).map(one).collect(),
         };
@@ -379,7 +377,7 @@ struct Workspace {
     /// Whether all threads work on it together.
     shared: bool,
     /// The panel on a patch and its first ring, one for each thread.
-    lifted: Vec<Vec<[f64; LIFT_WIDTH]>>,
+    lifted: Spare<Vec<[f64; LIFT_WIDTH]>>,
     right: [Vec<CycleRow>; HALVES],
     /// Whether the first cycle keeps what a second one begins with.
     keep: bool,
@@ -395,7 +393,7 @@ impl Workspace {
         let shared = n >= SHARED_FROM;
         Self {
             shared,
-            lifted: Vec::new(),
+            lifted: Spare::default(),
             right: std::array::from_fn(|_| vec![[0.0; CYCLE_WIDTH]; n]),
             keep: false,
             y: Vec::new(),
@@ -413,15 +411,9 @@ fn over_panels<T: Send>(
     panels: usize,
     work: impl Fn(usize, &mut Workspace) -> Result<T, Cancelled> + Sync,
 ) -> Result<Vec<T>, Cancelled> {
-    // A thread takes a workspace that another panel left: fresh memory costs as much as a cycle.
-    let idle: Mutex<Vec<Workspace>> = Mutex::new(Vec::new());
-    let one = |panel: usize| {
-        let left = idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        let mut workspace = left.unwrap_or_else(|| Workspace::new(energy.size(), &energy.hierarchy));
-        let answer = work(panel, &mut workspace)?;
-        idle.lock().unwrap_or_else(PoisonError::into_inner).push(workspace);
-        Ok(answer)
-    };
+    let spare = Spare::default();
+    let make = || Workspace::new(energy.size(), &energy.hierarchy);
+    let one = |panel: usize| spare.with(make, |workspace| work(panel, workspace));
     if energy.size() >= SHARED_FROM {
         (0..panels).map(one).collect()
     } else {
