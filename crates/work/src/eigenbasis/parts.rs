@@ -1,4 +1,4 @@
-//! One eigenbasis in parts, as for several machines: each solves some slices of the spectrum, and whoever joins them proves the whole.
+//! One eigenbasis in parts, as for several machines: each solves some slices of the spectrum, and whoever joins them judges the whole by the counts that they bring along.
 
 use std::num::NonZeroUsize;
 
