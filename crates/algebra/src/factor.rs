@@ -11,7 +11,9 @@ use faer::sparse::{FaerError, SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{MatRef, Side};
 
 use chladni_base::Monitor;
+use rayon::prelude::*;
 
+use super::multifrontal::{self, Plan};
 use super::{MassMatrix, SparseMatrix, WeightedMass};
 
 /// Why a matrix was not factored.
@@ -86,12 +88,14 @@ const NOWHERE: u32 = u32::MAX;
 pub struct SymbolicFactor {
     symbolic: SymbolicCholesky<usize>,
     /// The lower triangle, column after column.
-    offsets: Vec<usize>,
-    rows: Vec<usize>,
+    pub(super) offsets: Vec<usize>,
+    pub(super) rows: Vec<usize>,
     /// For each entry of the lower triangle its position in `A` and in `B`.
     sources: Vec<(u32, u32)>,
     pub(super) nodes: Vec<Node>,
     pub(super) patterns: Vec<u32>,
+    /// How the factor is computed by fronts, where that takes little memory.
+    pub(super) plan: Option<Plan>,
 }
 
 impl std::fmt::Debug for SymbolicFactor {
@@ -162,7 +166,8 @@ impl SymbolicFactor {
                 values += (columns + below.len()) * columns;
             }
         }
-        Ok(Self { symbolic, offsets, rows, sources, nodes, patterns })
+        let plan = Plan::new(&nodes, &patterns).filter(|plan| plan.held <= symbolic.len_val() as u64);
+        Ok(Self { symbolic, offsets, rows, sources, nodes, patterns, plan })
     }
 
     /// The same where `factors` of them at once, by their own count, take no more memory than `monitor` promises for all of the work. Estimates
@@ -209,16 +214,18 @@ impl SymbolicFactor {
         shift: f64,
         storage: Vec<f64>,
     ) -> Result<Factor<'_>, FactorError> {
-        self.factor_with(a, b, shift, storage, Par::Seq)
-    }
-
-    /// As [`factor`](Self::factor), with products of large supernodes shared out among all threads: for a factor that is computed by itself, not
-    /// beside others.
-    ///
-    /// # Errors
-    /// As for [`factor`](Self::factor).
-    pub fn factor_alone(&self, a: &SparseMatrix, b: &MassMatrix, shift: f64) -> Result<Factor<'_>, FactorError> {
-        self.factor_with(a, b, shift, Vec::new(), Par::rayon(0))
+        let (shifted, largest) = self.shifted(a, b, shift);
+        let lower = self.lower(&shifted);
+        let plain = match &self.plan {
+            Some(plan) => self.by_fronts(plan, &shifted, largest, storage),
+            None => self.plain(lower, largest, storage),
+        };
+        match plain {
+            Ok(factor) if factor.growth <= LARGEST_GROWTH => Ok(factor),
+            Ok(factor) => self.pivoted(lower, largest, factor.into_storage()),
+            Err(FactorError::Singular { .. }) => self.pivoted(lower, largest, Vec::new()),
+            Err(error) => Err(error),
+        }
     }
 
     /// As [`factor_in`](Self::factor_in), with pivots from the beginning: slower, and its [uncertainty](Factor::uncertainty) may be far smaller,
@@ -235,24 +242,6 @@ impl SymbolicFactor {
     ) -> Result<Factor<'_>, FactorError> {
         let (shifted, largest) = self.shifted(a, b, shift);
         self.pivoted(self.lower(&shifted), largest, storage)
-    }
-
-    fn factor_with(
-        &self,
-        a: &SparseMatrix,
-        b: &MassMatrix,
-        shift: f64,
-        storage: Vec<f64>,
-        par: Par,
-    ) -> Result<Factor<'_>, FactorError> {
-        let (shifted, largest) = self.shifted(a, b, shift);
-        let lower = self.lower(&shifted);
-        match self.plain(lower, largest, storage, par) {
-            Ok(factor) if factor.growth <= LARGEST_GROWTH => Ok(factor),
-            Ok(factor) => self.pivoted(lower, largest, factor.into_storage()),
-            Err(FactorError::Singular { .. }) => self.pivoted(lower, largest, Vec::new()),
-            Err(error) => Err(error),
-        }
     }
 
     /// The entries of the lower triangle of `a − shift · b`, and the largest magnitude.
@@ -287,8 +276,8 @@ impl SymbolicFactor {
         lower: SparseColMatRef<'_, usize, f64>,
         largest: f64,
         storage: Vec<f64>,
-        par: Par,
     ) -> Result<Factor<'_>, FactorError> {
+        let par = Par::Seq;
         let mut values = self.storage(storage)?;
         let request = self.symbolic.factorize_numeric_ldlt_scratch::<f64>(par, Default::default());
         let mut buffer = memory(request)?;
@@ -305,6 +294,29 @@ impl SymbolicFactor {
         if done.is_err() {
             return Err(FactorError::Singular { pivot: 0 });
         }
+        let mut factor = self.with_pivots(values)?;
+        factor.growth = factor.growth_over(largest);
+        Ok(factor)
+    }
+
+    /// The same by our own fronts, on all threads.
+    fn by_fronts(
+        &self,
+        plan: &Plan,
+        lower: &[f64],
+        largest: f64,
+        storage: Vec<f64>,
+    ) -> Result<Factor<'_>, FactorError> {
+        let mut values = self.storage(storage)?;
+        let found = multifrontal::factor(self, plan, lower, &mut values)
+            .map_err(|_| FactorError::Singular { pivot: 0 })?;
+        let mut factor = self.with_pivots(values)?;
+        factor.growth = if largest > 0.0 { found.growth / largest } else { found.growth };
+        Ok(factor)
+    }
+
+    /// A factor without pivoting, by its values.
+    fn with_pivots(&self, values: Vec<f64>) -> Result<Factor<'_>, FactorError> {
         let mut factor = Factor { symbolic: self, values, inverse: Vec::new(), pivoting: None, below: 0, growth: 0.0 };
         factor.inverse.reserve_exact(self.size());
         for node in &self.nodes {
@@ -317,7 +329,6 @@ impl SymbolicFactor {
                 factor.inverse.push(d.recip());
             }
         }
-        factor.growth = factor.growth_over(largest);
         Ok(factor)
     }
 
@@ -386,7 +397,8 @@ impl SymbolicFactor {
         values
             .try_reserve_exact(entries.saturating_sub(values.len()))
             .map_err(|_| FactorError::Memory { bytes: 8 * entries })?;
-        values.resize(entries, 0.0);
+        values.truncate(entries);
+        values.par_extend(rayon::iter::repeat_n(0.0, entries - values.len()));
         Ok(values)
     }
 }

@@ -19,6 +19,7 @@ mod independent;
 mod krylov_block;
 mod lift;
 mod mass;
+mod multifrontal;
 mod multigrid;
 mod ordering;
 mod panel_products;
