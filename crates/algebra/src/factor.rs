@@ -215,15 +215,14 @@ impl SymbolicFactor {
         storage: Vec<f64>,
     ) -> Result<Factor<'_>, FactorError> {
         let (shifted, largest) = self.shifted(a, b, shift);
-        let lower = self.lower(&shifted);
         let plain = match &self.plan {
             Some(plan) => self.by_fronts(plan, &shifted, largest, storage),
-            None => self.plain(lower, largest, storage),
+            None => self.plain(self.lower(&shifted), largest, storage),
         };
         match plain {
             Ok(factor) if factor.growth <= LARGEST_GROWTH => Ok(factor),
-            Ok(factor) => self.pivoted(lower, largest, factor.into_storage()),
-            Err(FactorError::Singular { .. }) => self.pivoted(lower, largest, Vec::new()),
+            Ok(factor) => self.pivoted(self.lower(&shifted), largest, factor.into_storage()),
+            Err(FactorError::Singular { .. }) => self.pivoted(self.lower(&shifted), largest, Vec::new()),
             Err(error) => Err(error),
         }
     }
@@ -245,23 +244,25 @@ impl SymbolicFactor {
     }
 
     /// The entries of the lower triangle of `a − shift · b`, and the largest magnitude.
-    fn shifted(&self, a: &SparseMatrix, b: &MassMatrix, shift: f64) -> (Vec<f64>, f64) {
-        let mut largest = 0f64;
-        let mut shifted = Vec::with_capacity(self.sources.len());
-        for &(in_a, in_b) in &self.sources {
-            let mut value = if in_a == NOWHERE { 0.0 } else { a.values()[in_a as usize] };
-            if in_b != NOWHERE {
-                value -= shift
-                    * match b {
-                        MassMatrix::Diagonal(b) => b[in_b as usize],
-                        MassMatrix::Sparse(b) | MassMatrix::Weighted(WeightedMass { matrix: b, .. }) => {
-                            b.values()[in_b as usize]
-                        }
-                    };
-            }
-            largest = largest.max(value.abs());
-            shifted.push(value);
-        }
+    pub(super) fn shifted(&self, a: &SparseMatrix, b: &MassMatrix, shift: f64) -> (Vec<f64>, f64) {
+        let of_mass = match b {
+            MassMatrix::Diagonal(b) => &b[..],
+            MassMatrix::Sparse(b) | MassMatrix::Weighted(WeightedMass { matrix: b, .. }) => b.values(),
+        };
+        let value = |&(in_a, in_b): &(u32, u32)| {
+            let value = if in_a == NOWHERE { 0.0 } else { a.values()[in_a as usize] };
+            if in_b == NOWHERE { value } else { value - shift * of_mass[in_b as usize] }
+        };
+        let mut shifted = vec![0.0; self.sources.len()];
+        let parts = shifted.par_chunks_mut(SHIFTED).zip(self.sources.par_chunks(SHIFTED));
+        let largest = parts.map(|(shifted, sources)| {
+            let pairs = shifted.iter_mut().zip(sources);
+            pairs.fold(0f64, |most, (shifted, source)| {
+                *shifted = value(source);
+                most.max(shifted.abs())
+            })
+        });
+        let largest = largest.reduce(|| 0.0, f64::max);
         (shifted, largest)
     }
 
@@ -294,7 +295,18 @@ impl SymbolicFactor {
         if done.is_err() {
             return Err(FactorError::Singular { pivot: 0 });
         }
-        let mut factor = self.with_pivots(values)?;
+        let mut factor = Factor { symbolic: self, values, inverse: Vec::new(), pivoting: None, below: 0, growth: 0.0 };
+        factor.inverse.reserve_exact(self.size());
+        for node in &self.nodes {
+            for column in 0..node.columns {
+                let d = factor.pivot(node, column);
+                if !(d.is_finite() && d != 0.0) {
+                    return Err(FactorError::Singular { pivot: node.start + column });
+                }
+                factor.below += usize::from(d < 0.0);
+                factor.inverse.push(d.recip());
+            }
+        }
         factor.growth = factor.growth_over(largest);
         Ok(factor)
     }
@@ -308,28 +320,11 @@ impl SymbolicFactor {
         storage: Vec<f64>,
     ) -> Result<Factor<'_>, FactorError> {
         let mut values = self.storage(storage)?;
-        let found = multifrontal::factor(self, plan, lower, &mut values)
+        let mut inverse = vec![0.0; self.size()];
+        let found = multifrontal::factor(self, plan, lower, (&mut values, &mut inverse))
             .map_err(|_| FactorError::Singular { pivot: 0 })?;
-        let mut factor = self.with_pivots(values)?;
-        factor.growth = if largest > 0.0 { found.growth / largest } else { found.growth };
-        Ok(factor)
-    }
-
-    /// A factor without pivoting, by its values.
-    fn with_pivots(&self, values: Vec<f64>) -> Result<Factor<'_>, FactorError> {
-        let mut factor = Factor { symbolic: self, values, inverse: Vec::new(), pivoting: None, below: 0, growth: 0.0 };
-        factor.inverse.reserve_exact(self.size());
-        for node in &self.nodes {
-            for column in 0..node.columns {
-                let d = factor.pivot(node, column);
-                if !(d.is_finite() && d != 0.0) {
-                    return Err(FactorError::Singular { pivot: node.start + column });
-                }
-                factor.below += usize::from(d < 0.0);
-                factor.inverse.push(d.recip());
-            }
-        }
-        Ok(factor)
+        let growth = if largest > 0.0 { found.growth / largest } else { found.growth };
+        Ok(Factor { symbolic: self, values, inverse, pivoting: None, below: found.below, growth })
     }
 
     fn pivoted(
@@ -421,9 +416,12 @@ fn memory(request: StackReq) -> Result<MemBuffer, FactorError> {
     MemBuffer::try_new(request).map_err(|_| FactorError::Memory { bytes: request.unaligned_bytes_required() })
 }
 
+/// Entries of a shifted matrix that one task computes.
+const SHIFTED: usize = 1 << 15;
+
 /// Element growth up to which factors without pivoting are accepted: rounding errors relative to the matrix stay below
 /// this times 1e-16.
-const LARGEST_GROWTH: f64 = 1e6;
+pub(super) const LARGEST_GROWTH: f64 = 1e6;
 
 /// Pivoting inside supernodes.
 pub(super) struct Pivoting {

@@ -22,7 +22,7 @@ use assemble::{Update, places};
 use dense::{Columns, Scratch, eliminate};
 pub(super) use plan::Plan;
 use plan::{Chain, Task, stride};
-pub(super) use rows::RowErrors;
+pub(super) use rows::{RowErrors, larger};
 
 /// No supernode.
 pub(super) const NONE: u32 = u32::MAX;
@@ -46,7 +46,7 @@ impl Found {
         Self {
             growth: self.growth.max(other.growth),
             below: self.below + other.below,
-            error: rows::larger(self.error, other.error),
+            error: larger(self.error, other.error),
         }
     }
 }
@@ -61,11 +61,17 @@ struct Job<'a> {
     plan: &'a Plan,
     /// The entries of the lower triangle.
     lower: &'a [f64],
-    /// The values of `L` piece by piece; nothing where `L` is forgotten.
-    values: Option<Vec<Mutex<&'a mut [f64]>>>,
+    /// The numbers piece by piece; nothing where they are forgotten.
+    pieces: Option<Vec<Mutex<Piece<'a>>>>,
     errors: Option<&'a RowErrors<'a>>,
     stopped: AtomicBool,
     spare: Mutex<Vec<Workspace>>,
+}
+
+/// Numbers of consecutive supernodes: their columns of `L`, and the diagonal of `D⁻¹`.
+struct Piece<'a> {
+    values: &'a mut [f64],
+    inverse: &'a mut [f64],
 }
 
 /// Memory of a task.
@@ -88,20 +94,30 @@ struct Stack {
     waiting: Vec<(usize, usize)>,
 }
 
-/// Factors the matrix with these entries of the lower triangle into `values`, which may hold anything.
-pub(super) fn factor(symbolic: &SymbolicFactor, plan: &Plan, lower: &[f64], values: &mut [f64]) -> Result<Found, Stopped> {
-    let mut rest = values;
+/// Factors the matrix with these entries of the lower triangle into `values` and the diagonal of `D⁻¹`, which may both hold anything.
+pub(super) fn factor(
+    symbolic: &SymbolicFactor,
+    plan: &Plan,
+    lower: &[f64],
+    (mut values, mut inverse): (&mut [f64], &mut [f64]),
+) -> Result<Found, Stopped> {
     let pieces = plan.pieces.iter().map(|piece| {
         let nodes = &symbolic.nodes[piece.clone()];
-        let entries: usize = nodes.iter().map(|node| node.columns * (node.columns + node.pattern.1)).sum();
-        let (own, after) = std::mem::take(&mut rest).split_at_mut(entries);
-        rest = after;
-        Mutex::new(own)
+        let entries = nodes.iter().map(|node| node.columns * (node.columns + node.pattern.1)).sum();
+        let columns = nodes.iter().map(|node| node.columns).sum();
+        Mutex::new(Piece { values: split(&mut values, entries), inverse: split(&mut inverse, columns) })
     });
-    let values = Some(pieces.collect());
+    let pieces = Some(pieces.collect());
     let (stopped, spare) = (AtomicBool::new(false), Mutex::default());
-    let job = Job { symbolic, plan, lower, values, errors: None, stopped, spare };
+    let job = Job { symbolic, plan, lower, pieces, errors: None, stopped, spare };
     job.chain(&plan.root).map(|(_, found)| found)
+}
+
+/// Takes what comes first.
+fn split<'a>(rest: &mut &'a mut [f64], size: usize) -> &'a mut [f64] {
+    let (first, after) = std::mem::take(rest).split_at_mut(size);
+    *rest = after;
+    first
 }
 
 /// The same without keeping `L`, with the errors of all rows.
@@ -112,7 +128,7 @@ pub(super) fn count(
     errors: &RowErrors<'_>,
 ) -> Result<Found, Stopped> {
     let (stopped, spare) = (AtomicBool::new(false), Mutex::default());
-    let job = Job { symbolic, plan, lower, values: None, errors: Some(errors), stopped, spare };
+    let job = Job { symbolic, plan, lower, pieces: None, errors: Some(errors), stopped, spare };
     job.chain(&plan.root).map(|(_, found)| found)
 }
 
@@ -199,9 +215,12 @@ impl<'a> Job<'a> {
         }
         let Workspace { scratch, places, front, .. } = workspace;
         let mut piece = self.piece(piece);
-        let values = match &mut piece {
-            Some(values) => &mut values[..],
-            None => self.forgotten(node, front),
+        let (values, inverse) = match &mut piece {
+            Some(piece) => {
+                let Piece { values, inverse } = &mut **piece;
+                (&mut **values, &mut **inverse)
+            }
+            None => (self.forgotten(node, front), &mut [][..]),
         };
         self.begin(node, values);
         for child in children {
@@ -210,7 +229,7 @@ impl<'a> Job<'a> {
         }
         eliminate(Columns { values, rows, columns: node.columns }, &mut memory, scratch, parallel)
             .map_err(|_| self.stop())?;
-        let mut found = self.found(node, values);
+        let mut found = found_in(values, rows, inverse);
         for child in children {
             self.places(child.node, node, places);
             child.view().add_to_update(places, (&mut memory, node.pattern.1, node.columns), parallel);
@@ -231,15 +250,19 @@ impl<'a> Job<'a> {
     fn subtree(&self, range: Range<usize>, piece: usize, workspace: &mut Workspace) -> Result<Found, Stopped> {
         let mut found = Found::default();
         let mut piece = self.piece(piece);
-        let first = self.symbolic.nodes[range.start].values;
+        let first = self.symbolic.nodes[range.start];
         let Workspace { stacks: [even, odd], scratch, places, front } = workspace;
         for at in range {
             let node = &self.symbolic.nodes[at];
             let (below, rows) = (node.pattern.1, node.columns + node.pattern.1);
             let (own, other) = if self.plan.odd[at] { (&mut *odd, &mut *even) } else { (&mut *even, &mut *odd) };
-            let values = match &mut piece {
-                Some(values) => &mut values[node.values - first..][..rows * node.columns],
-                None => self.forgotten(node, front),
+            let (values, inverse) = match &mut piece {
+                Some(piece) => {
+                    let Piece { values, inverse } = &mut **piece;
+                    let values = &mut values[node.values - first.values..][..rows * node.columns];
+                    (values, &mut inverse[node.start - first.start..][..node.columns])
+                }
+                None => (self.forgotten(node, front), &mut [][..]),
             };
             self.begin(node, values);
             let is_child = |&&(child, _): &&(usize, usize)| self.plan.parent[child] as usize == at;
@@ -253,7 +276,7 @@ impl<'a> Job<'a> {
             let update = own.push(at, self.update_size(node));
             eliminate(Columns { values, rows, columns: node.columns }, update, scratch, false)
                 .map_err(|_| self.stop())?;
-            let mut own_found = self.found(node, values);
+            let mut own_found = found_in(values, rows, inverse);
             for &(child, from) in &children {
                 self.places(child, node, places);
                 view(child, from).add_to_update(places, (update, below, node.columns), false);
@@ -303,11 +326,6 @@ impl<'a> Job<'a> {
         places(&patterns[rows(child)], (parent.start, parent.columns), &patterns[rows(parent)], into);
     }
 
-    fn found(&self, node: &Node, values: &[f64]) -> Found {
-        let (growth, below) = rows::growth(values, node.columns + node.pattern.1);
-        Found { growth, below, error: 0.0 }
-    }
-
     /// Entries of an update matrix, and of the sums of its rows where these are asked for.
     fn update_size(&self, node: &Node) -> usize {
         let stride = stride(node.pattern.1);
@@ -322,9 +340,9 @@ impl<'a> Job<'a> {
         assemble::View { values, below, packed: false, sums }
     }
 
-    /// The values of a piece, which belong to one task.
-    fn piece(&self, piece: usize) -> Option<MutexGuard<'_, &'a mut [f64]>> {
-        self.values.as_ref().map(|values| values[piece].lock().unwrap_or_else(PoisonError::into_inner))
+    /// The numbers of a piece, which belong to one task.
+    fn piece(&self, piece: usize) -> Option<MutexGuard<'_, Piece<'a>>> {
+        self.pieces.as_ref().map(|pieces| pieces[piece].lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     fn forgotten<'m>(&self, node: &Node, memory: &'m mut Vec<f64>) -> &'m mut [f64] {
@@ -347,6 +365,14 @@ impl<'a> Job<'a> {
     fn keep(&self, workspace: Workspace) {
         self.spare.lock().unwrap_or_else(PoisonError::into_inner).push(workspace);
     }
+}
+
+fn found_in(values: &[f64], rows: usize, inverse: &mut [f64]) -> Found {
+    for (column, inverse) in inverse.iter_mut().enumerate() {
+        *inverse = values[column * rows + column].recip();
+    }
+    let (growth, below) = rows::growth(values, rows);
+    Found { growth, below, error: 0.0 }
 }
 
 impl Stack {

@@ -149,7 +149,7 @@ pub fn stride(rows: usize) -> usize {
 }
 
 /// The products of a supernode, and what comes with any.
-fn own_work(node: &Node) -> u64 {
+pub fn own_work(node: &Node) -> u64 {
     let (columns, rows) = (node.columns as u64, (node.columns + node.pattern.1) as u64);
     columns * rows * rows + 4 * rows * rows + 1000
 }
