@@ -13,6 +13,7 @@ mod factor_column;
 mod factor_count;
 mod factor_error;
 mod factor_solve;
+mod factor_symbolic;
 mod factored;
 mod galerkin;
 pub mod gpu;

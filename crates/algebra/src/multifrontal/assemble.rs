@@ -59,23 +59,13 @@ impl View<'_> {
     }
 
     /// Adds the columns that are among those of the parent, which are `rows` long and `columns` many.
-    pub fn add_to_columns(
-        &self,
-        places: &[u32],
-        (target, rows, columns): (&mut [f64], usize, usize),
-        parallel: bool,
-    ) {
+    pub fn add_to_columns(&self, places: &[u32], (target, rows, columns): (&mut [f64], usize, usize), parallel: bool) {
         let own = places.partition_point(|&place| (place as usize) < columns);
         self.add(0..own, places, Target { values: target, first: 0, length: rows, offset: 0 }, parallel);
     }
 
     /// Adds the others to its update matrix of `below` rows.
-    pub fn add_to_update(
-        &self,
-        places: &[u32],
-        (target, below, columns): (&mut [f64], usize, usize),
-        parallel: bool,
-    ) {
+    pub fn add_to_update(&self, places: &[u32], (target, below, columns): (&mut [f64], usize, usize), parallel: bool) {
         let own = places.partition_point(|&place| (place as usize) < columns);
         let target = Target { values: target, first: 0, length: stride(below), offset: columns };
         self.add(own..self.below, places, target, parallel);

@@ -46,12 +46,7 @@ pub struct Columns<'a> {
 
 /// `values ← L` with `D` on its diagonal, and `update ← −L D Lᵀ` for the rows below: the lower triangle of a square matrix whose columns are
 /// [`stride`] apart. Above its diagonal there is anything.
-pub fn eliminate(
-    front: Columns<'_>,
-    update: &mut [f64],
-    scratch: &mut Scratch,
-    parallel: bool,
-) -> Result<(), NoPivot> {
+pub fn eliminate(front: Columns<'_>, update: &mut [f64], scratch: &mut Scratch, parallel: bool) -> Result<(), NoPivot> {
     let Columns { values, rows, columns } = front;
     let below = rows - columns;
     if columns <= FEW_COLUMNS && below <= FEW_ROWS {
@@ -140,13 +135,7 @@ fn solve(top: MatRef<'_, f64>, mut rows: MatMut<'_, f64>, mut scaled: MatMut<'_,
 }
 
 /// `target − L Sᵀ` in the lower triangle.
-fn triangle(
-    target: MatMut<'_, f64>,
-    kind: Accum,
-    lower: MatRef<'_, f64>,
-    scaled: MatRef<'_, f64>,
-    parallel: bool,
-) {
+fn triangle(target: MatMut<'_, f64>, kind: Accum, lower: MatRef<'_, f64>, scaled: MatRef<'_, f64>, parallel: bool) {
     if target.nrows() <= TILE {
         let all = BlockStructure::Rectangular;
         let lower_part = BlockStructure::TriangularLower;

@@ -49,7 +49,8 @@ impl pulp::WithSimd for Few<'_> {
                 add::<S>(simd, &mut target[other..], &pivots[other..], factor);
             }
             if below > 0 {
-                let (scaled, lower) = (&mut scaled[column * stride..][..stride], &mut lower[column * stride..][..stride]);
+                let (scaled, lower) =
+                    (&mut scaled[column * stride..][..stride], &mut lower[column * stride..][..stride]);
                 scaled[below..].fill(0.0);
                 lower[below..].fill(0.0);
                 scaled[..below].copy_from_slice(&pivots[columns..]);

@@ -10,6 +10,8 @@ mod plan;
 mod rows;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod timing;
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,6 +20,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use rayon::prelude::*;
 
 use super::factor::{Node, SymbolicFactor};
+use super::factor_symbolic::Lower;
 use assemble::{Update, places};
 use dense::{Columns, Scratch, eliminate};
 pub(super) use plan::Plan;
@@ -301,7 +304,7 @@ impl<'a> Job<'a> {
     /// The entries of the matrix in the columns of a supernode.
     fn begin(&self, node: &Node, values: &mut [f64]) {
         values.fill(0.0);
-        let SymbolicFactor { offsets, rows, patterns, .. } = self.symbolic;
+        let SymbolicFactor { lower: Lower { offsets, rows, .. }, patterns, .. } = self.symbolic;
         let pattern = &patterns[node.pattern.0..node.pattern.0 + node.pattern.1];
         let end = node.start + node.columns;
         let length = node.columns + node.pattern.1;
@@ -309,10 +312,10 @@ impl<'a> Job<'a> {
             let entries = offsets[node.start + column]..offsets[node.start + column + 1];
             let mut from = 0;
             for (&row, value) in rows[entries.clone()].iter().zip(&self.lower[entries]) {
-                if row < end {
-                    values[row - node.start] = *value;
+                if (row as usize) < end {
+                    values[row as usize - node.start] = *value;
                 } else {
-                    from += pattern[from..].partition_point(|&other| (other as usize) < row);
+                    from += pattern[from..].partition_point(|&other| other < row);
                     values[node.columns + from] = *value;
                 }
             }
