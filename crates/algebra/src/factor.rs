@@ -94,6 +94,8 @@ pub struct SymbolicFactor {
     pub(super) plan: Option<Plan>,
     /// The same structure as faer has it, which exchanges rows where that is needed.
     other: OnceLock<SymbolicCholesky<usize>>,
+    /// How many entries each row of `L` has, once that was asked.
+    pub(super) terms: OnceLock<Vec<u32>>,
 }
 
 impl std::fmt::Debug for SymbolicFactor {
@@ -126,7 +128,7 @@ impl SymbolicFactor {
         };
         let entries = nodes.iter().map(|node| node.columns * (node.columns + node.pattern.1)).sum();
         let plan = Plan::new(&nodes, &patterns).filter(|plan| plan.held <= entries as u64);
-        Ok(Self { lower, nodes, patterns, entries, plan, other })
+        Ok(Self { lower, nodes, patterns, entries, plan, other, terms: OnceLock::new() })
     }
 
     /// The same where `factors` of them at once, by their own count, take no more memory than `monitor` promises for all of the work. Estimates

@@ -24,7 +24,7 @@ impl SymbolicFactor {
         if let Some(plan) = &self.plan {
             let (shifted, largest) = self.shifted(a, b, shift);
             let ratio = row_error(a, b, shift);
-            let errors = RowErrors { terms: &self.terms(), ratio: &ratio };
+            let errors = RowErrors { terms: self.terms(), ratio: &ratio };
             let found = multifrontal::count(self, plan, &shifted, &errors);
             if let Some(found) = found.ok().filter(|found| found.growth <= LARGEST_GROWTH * largest) {
                 return Ok(EigenvalueCount { below: found.below, uncertainty: enclosed(b, found.error) });
@@ -35,14 +35,16 @@ impl SymbolicFactor {
     }
 
     /// How many entries each row of `L` has.
-    fn terms(&self) -> Vec<u32> {
-        let mut terms = vec![0u32; self.size()];
-        for node in &self.nodes {
-            let own = terms[node.start..node.start + node.columns].iter_mut();
-            own.enumerate().for_each(|(k, terms)| *terms += k as u32 + 1);
-            let below = &self.patterns[node.pattern.0..node.pattern.0 + node.pattern.1];
-            below.iter().for_each(|&row| terms[row as usize] += node.columns as u32);
-        }
-        terms
+    pub(super) fn terms(&self) -> &[u32] {
+        self.terms.get_or_init(|| {
+            let mut terms = vec![0u32; self.size()];
+            for node in &self.nodes {
+                let own = terms[node.start..node.start + node.columns].iter_mut();
+                own.enumerate().for_each(|(k, terms)| *terms += k as u32 + 1);
+                let below = &self.patterns[node.pattern.0..node.pattern.0 + node.pattern.1];
+                below.iter().for_each(|&row| terms[row as usize] += node.columns as u32);
+            }
+            terms
+        })
     }
 }

@@ -1,7 +1,9 @@
 //! What rounding may have done to a factor: how far an inertia count can be trusted.
 
+use rayon::prelude::*;
+
 use super::factor::{Factor, Node, Pivoting};
-use super::multifrontal::larger;
+use super::multifrontal::{larger, magnitudes};
 use super::{MassMatrix, SparseMatrix};
 
 /// The error of a row over its lumped mass, by its number, its sum of `|L| |D| |Lᵀ|` and its number of entries of `L`.
@@ -34,9 +36,17 @@ impl Factor<'_> {
         if a.rows() != n || b.size() != n {
             return f64::INFINITY;
         }
-        let (sums, terms) = self.magnitudes();
         let ratio = row_error(a, b, shift);
-        let most = (0..n).map(|row| ratio(row, sums[row], terms[row])).fold(0.0, larger);
+        let over = |sums: &[f64], terms: &[u32]| {
+            (0..n).into_par_iter().map(|row| ratio(row, sums[row], terms[row])).reduce(|| 0.0, larger)
+        };
+        let most = match (&self.symbolic.plan, &self.pivoting) {
+            (Some(plan), None) => over(&magnitudes(self.symbolic, plan, &self.values), self.symbolic.terms()),
+            _ => {
+                let (sums, terms) = self.magnitudes();
+                over(&sums, &terms)
+            }
+        };
         enclosed(b, most)
     }
 

@@ -10,8 +10,6 @@ mod plan;
 mod rows;
 #[cfg(test)]
 mod tests;
-#[cfg(test)]
-mod timing;
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -25,7 +23,7 @@ use assemble::{Update, places};
 use dense::{Columns, Scratch, eliminate};
 pub(super) use plan::Plan;
 use plan::{Chain, Task, stride};
-pub(super) use rows::{RowErrors, larger};
+pub(super) use rows::{RowErrors, larger, magnitudes};
 
 /// No supernode.
 pub(super) const NONE: u32 = u32::MAX;

@@ -1,8 +1,10 @@
 //! What is read off a front once its columns were eliminated: growth, inertia, and how large rounding errors of its rows may be.
 
 use pulp::Simd;
+use rayon::prelude::*;
 
-use super::super::factor::Node;
+use super::super::factor::{Node, SymbolicFactor};
+use super::Plan;
 
 /// The larger of two; what is not a number is larger than all.
 pub fn larger(most: f64, other: f64) -> f64 {
@@ -94,6 +96,52 @@ impl pulp::WithSimd for AddMagnitudes<'_> {
     }
 }
 
+/// The sums of the rows of `|L| |D| |Lᵀ|` of a factor without exchanged rows, piece by piece.
+pub fn magnitudes(symbolic: &SymbolicFactor, plan: &Plan, values: &[f64]) -> Vec<f64> {
+    let pattern = |node: &Node| &symbolic.patterns[node.pattern.0..node.pattern.0 + node.pattern.1];
+    // What a piece adds to its own rows, and to those above it: they are the pattern of its last supernode.
+    let parts = plan.pieces.par_iter().map(|piece| {
+        let nodes = &symbolic.nodes[piece.clone()];
+        let (first, top) = (&nodes[0], &nodes[nodes.len() - 1]);
+        let (start, end, above) = (first.start, top.start + top.columns, pattern(top));
+        let (mut own, mut over, mut sums) = (vec![0.0; end - start], vec![0.0; above.len()], Vec::new());
+        for node in nodes {
+            let rows = node.columns + node.pattern.1;
+            sums.clear();
+            sums.resize(rows, 0.0);
+            for (column, values) in values[node.values..][..rows * node.columns].chunks_exact(rows).enumerate() {
+                add_column(&mut sums, column, values);
+            }
+            let places = own[node.start - start..].iter_mut().zip(&sums[..node.columns]);
+            places.for_each(|(own, sum)| *own += sum);
+            let mut at = 0;
+            for (&row, sum) in pattern(node).iter().zip(&sums[node.columns..]) {
+                if (row as usize) < end {
+                    own[row as usize - start] += sum;
+                } else {
+                    at += above[at..].partition_point(|&other| other < row);
+                    over[at] += sum;
+                }
+            }
+        }
+        (start, own, above, over)
+    });
+    let mut all = vec![0.0; symbolic.size()];
+    for (start, own, above, over) in parts.collect::<Vec<_>>() {
+        all[start..].iter_mut().zip(own).for_each(|(all, own)| *all += own);
+        above.iter().zip(over).for_each(|(&row, over)| all[row as usize] += over);
+    }
+    all
+}
+
+/// What a column of `L` and its pivot add to the sums of the rows of a front.
+fn add_column(sums: &mut [f64], column: usize, values: &[f64]) {
+    let arch = pulp::Arch::new();
+    let sum = values[column].abs() * (1.0 + arch.dispatch(Magnitude(&values[column + 1..])));
+    sums[column] += sum;
+    arch.dispatch(AddMagnitudes { sums: &mut sums[column + 1..], l: &values[column + 1..], factor: sum });
+}
+
 /// How large the error of a row may be, from the sum of its row of `|L| |D| |Lᵀ|` and the number of entries of its row of `L`.
 pub struct RowErrors<'a> {
     /// Entries of each row of `L`.
@@ -105,42 +153,34 @@ pub struct RowErrors<'a> {
 /// Sums of the rows of a front.
 pub struct RowSums<'a> {
     errors: &'a RowErrors<'a>,
-    own: Vec<f64>,
+    /// Those of its own rows and of the ones below.
+    sums: Vec<f64>,
     below: &'a mut [f64],
 }
 
 impl RowErrors<'_> {
+    /// Those of the rows below are to be left in `sums`.
     pub fn start<'s>(&'s self, node: &Node, sums: &'s mut [f64]) -> RowSums<'s> {
         let below = &mut sums[..node.pattern.1];
-        below.fill(0.0);
-        RowSums { errors: self, own: vec![0.0; node.columns], below }
+        RowSums { errors: self, sums: vec![0.0; node.columns + below.len()], below }
     }
 }
 
 impl RowSums<'_> {
     /// What a child knows of its rows.
     pub fn add(&mut self, places: &[u32], sums: &[f64]) {
-        for (&place, sum) in places.iter().zip(sums) {
-            match (place as usize).checked_sub(self.own.len()) {
-                None => self.own[place as usize] += sum,
-                Some(below) => self.below[below] += sum,
-            }
-        }
+        places.iter().zip(sums).for_each(|(&place, sum)| self.sums[place as usize] += sum);
     }
 
     /// The share of the front, and the largest error of its own rows over their mass.
     pub fn finish(self, node: &Node, values: &[f64]) -> f64 {
-        let Self { errors, mut own, below } = self;
-        let columns = own.len();
-        let arch = pulp::Arch::new();
-        for (column, values) in values.chunks_exact(columns + below.len()).enumerate() {
-            let sum = values[column].abs() * (1.0 + arch.dispatch(Magnitude(&values[column + 1..])));
-            own[column] += sum;
-            arch.dispatch(AddMagnitudes { sums: &mut own[column + 1..], l: &values[column + 1..columns], factor: sum });
-            arch.dispatch(AddMagnitudes { sums: &mut *below, l: &values[columns..], factor: sum });
+        let Self { errors, mut sums, below } = self;
+        for (column, values) in values.chunks_exact(sums.len()).enumerate() {
+            add_column(&mut sums, column, values);
         }
-        let rows = node.start..node.start + columns;
+        below.copy_from_slice(&sums[node.columns..]);
+        let rows = node.start..node.start + node.columns;
         let ratio = |(row, sum): (usize, &f64)| (errors.ratio)(row, *sum, errors.terms[row]);
-        rows.zip(&own).map(ratio).fold(0.0, larger)
+        rows.zip(&sums).map(ratio).fold(0.0, larger)
     }
 }

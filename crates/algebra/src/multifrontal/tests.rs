@@ -8,7 +8,7 @@ use super::super::factor::tests::sparse;
 use super::super::{FactorError, MassMatrix, Ordering, PANEL_WIDTH, SparseMatrix, SymbolicFactor, fill_reducing_order};
 
 /// The Laplacian of a triangulated rectangle with random weights.
-pub fn triangles(width: usize, height: usize, seed: u64) -> SparseMatrix {
+fn triangles(width: usize, height: usize, seed: u64) -> SparseMatrix {
     let mut random = SplitMix64::new(seed);
     let mut rows: Vec<Vec<(u32, f64)>> = vec![Vec::new(); width * height];
     for y in 0..height {
@@ -36,7 +36,7 @@ pub fn triangles(width: usize, height: usize, seed: u64) -> SparseMatrix {
     SparseMatrix::from_sorted_parts(width * height, width * height, offsets, indices, values)
 }
 
-pub fn ordered(matrix: &SparseMatrix, ordering: Ordering) -> SparseMatrix {
+fn ordered(matrix: &SparseMatrix, ordering: Ordering) -> SparseMatrix {
     matrix.reordered(&fill_reducing_order(matrix, ordering).unwrap())
 }
 
