@@ -18,7 +18,9 @@ fn main() {
         let text = std::env::var(name).unwrap_or(usual.to_owned());
         text.split(',').map(|number| number.parse().expect("a number")).collect()
     };
-    println!("| vertices | entries of L | threads | order | analysis | factor | count |\n|---|---|---|---|---|---|---|");
+    println!(
+        "| vertices | entries of L | threads | order | analysis | factor | count |\n|---|---|---|---|---|---|---|"
+    );
     for vertices in list("CHLADNI_FACTOR_VERTICES", "5000,20000,130000,540000") {
         let mesh = generate(Shape::Genus(3), vertices).unwrap();
         let problem = laplace::assemble(&mesh, MassKind::Barycentric).unwrap();
