@@ -138,8 +138,9 @@ impl SymbolicFactor {
     /// [`FactorError::Promise`].
     pub fn within(self, factors: usize, monitor: &dyn Monitor) -> Result<Self, FactorError> {
         let entries = self.entries();
-        // Eight bytes for the entry, two for its place in the pattern.
-        let bytes = (10 * entries as u64).saturating_mul(factors as u64);
+        // Eight bytes for the entry, two for its place in the pattern; and what the fronts of one factor hold while it is computed.
+        let held = self.plan.as_ref().map_or(0, |plan| 8 * plan.held);
+        let bytes = (10 * entries as u64).saturating_mul(factors as u64).saturating_add(held);
         match monitor.promised_bytes() {
             Some(promised) if bytes > promised => Err(FactorError::Promise { entries, bytes, promised }),
             _ => Ok(self),
