@@ -26,11 +26,15 @@ pub enum FailPoint {
     BeforeComplete,
     /// The basis is visible and the job succeeded.
     AfterComplete,
+    /// The transaction that divides a job into parts is written, not committed.
+    BeforeDivide,
+    /// The job waits for its parts; nobody has heard of them.
+    AfterDivide,
 }
 
 impl FailPoint {
     /// Every point.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 11] = [
         Self::AfterEnqueue,
         Self::AfterClaim,
         Self::MidRun,
@@ -40,6 +44,8 @@ impl FailPoint {
         Self::AfterBlobReady,
         Self::BeforeComplete,
         Self::AfterComplete,
+        Self::BeforeDivide,
+        Self::AfterDivide,
     ];
 
     /// The name that a specification uses.
@@ -54,6 +60,8 @@ impl FailPoint {
             Self::AfterBlobReady => "after-blob-ready",
             Self::BeforeComplete => "before-complete",
             Self::AfterComplete => "after-complete",
+            Self::BeforeDivide => "before-divide",
+            Self::AfterDivide => "after-divide",
         }
     }
 }
