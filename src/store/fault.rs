@@ -33,8 +33,8 @@ pub enum FailPoint {
 }
 
 impl FailPoint {
-    /// Every point.
-    pub const ALL: [Self; 11] = [
+    /// Every point that any job meets.
+    pub const ALL: [Self; 9] = [
         Self::AfterEnqueue,
         Self::AfterClaim,
         Self::MidRun,
@@ -44,9 +44,9 @@ impl FailPoint {
         Self::AfterBlobReady,
         Self::BeforeComplete,
         Self::AfterComplete,
-        Self::BeforeDivide,
-        Self::AfterDivide,
     ];
+    /// Those that jobs meet which are divided.
+    pub const OF_DIVISION: [Self; 2] = [Self::BeforeDivide, Self::AfterDivide];
 
     /// The name that a specification uses.
     pub fn name(self) -> &'static str {
@@ -123,7 +123,7 @@ impl Faults {
         let invalid = || InvalidFault(specification.to_owned());
         let mut words = specification.split(':');
         let point = words.next().unwrap_or_default();
-        let point = FailPoint::ALL.into_iter().find(|p| p.name() == point).ok_or_else(invalid)?;
+        let point = FailPoint::ALL.into_iter().chain(FailPoint::OF_DIVISION).find(|p| p.name() == point).ok_or_else(invalid)?;
         let action = match words.next() {
             Some("kill") => FaultAction::Kill,
             Some("abort") => FaultAction::Abort,
