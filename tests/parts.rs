@@ -1,4 +1,5 @@
-//! One job in parts, on one machine and on several: its pairs are those of a whole one, and deaths, cancellation and failures leave nothing half done.
+//! One job in parts, on one machine and on several: its pairs are those of a whole one, and deaths, cancellation and failures leave nothing half
+//! done.
 #![cfg(unix)]
 
 #[cfg(feature = "cluster")]
@@ -188,7 +189,10 @@ async fn parts_end_with_a_job_that_is_cancelled_and_are_found_by_one_that_is_ret
     let listed = server.get(&format!("/v1/jobs?parent={job}&status=succeeded")).await["items"].clone();
     assert_eq!(listed.as_array().unwrap().len(), 1, "{listed}");
     let part = &listed[0];
-    assert_eq!((&part["kind"], &part["parent"], &part["basis"]), (&"eigenbasis_part".into(), &job.as_str().into(), &Value::Null));
+    assert_eq!(
+        (&part["kind"], &part["parent"], &part["basis"]),
+        (&"eigenbasis_part".into(), &job.as_str().into(), &Value::Null)
+    );
     let refused = server.client.post(format!("{}/v1/jobs/{}/cancel", server.url, part["id"].as_str().unwrap()));
     assert_eq!(refused.send().await.unwrap().status(), 409);
     server.ask(&format!("/v1/jobs/{job}/retry")).await;
@@ -227,7 +231,11 @@ async fn workers_share_the_parts_of_a_job_and_one_that_is_killed_loses_its_own_a
     let planner = places.worker(&["--fault", "after-divide:kill:0"]);
     assert_eq!(planner.ended(), Some(SIGKILL));
     let waiting = server.job_now(&job).await;
-    assert_eq!((&waiting["status"], &waiting["parts"]), (&"enqueued".into(), &json!({"done": 0, "of": 3})), "{waiting}");
+    assert_eq!(
+        (&waiting["status"], &waiting["parts"]),
+        (&"enqueued".into(), &json!({"done": 0, "of": 3})),
+        "{waiting}"
+    );
     let doomed = places.worker(&["--kinds", "eigenbasis_part", "--fault", "mid-run:kill:3"]);
     assert_eq!(doomed.ended(), Some(SIGKILL));
     let _workers = [places.worker(&[]), places.worker(&["--jobs-in", "threads"])];

@@ -244,8 +244,12 @@ fn show_parameters(document: &mut Value) -> Vec<String> {
         }
         false
     };
-    let mut shown: Vec<String> =
-        KINDS.iter().chain([&PART]).map(|kind| format!("{}Parameters", kind.prefix)).filter(|name| holds_lists(name)).collect();
+    let mut shown: Vec<String> = KINDS
+        .iter()
+        .chain([&PART])
+        .map(|kind| format!("{}Parameters", kind.prefix))
+        .filter(|name| holds_lists(name))
+        .collect();
     let mut next = 0;
     while next < shown.len() {
         let mut schema = all[&shown[next]].clone();

@@ -110,7 +110,7 @@ pub(super) async fn run(
             return Threads::Free;
         }
     };
-    let size = subject.mesh_size().unwrap_or_default();
+    let size = divided::mesh_size(&subject);
     let result = begin(shared, &job, subject, &monitor, &memory, threads);
     let attempt = UnderWay { shared, job: &job, size, token, monitor: &monitor, cancel_deadline: None, settled: false };
     let threads = attempt.attend(result, verdict).await;

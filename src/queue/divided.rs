@@ -54,6 +54,16 @@ pub(super) async fn next(shared: &Shared, job: &JobRecord, subject: Subject) -> 
     Ok(Next::Run(Subject::Parts { mesh, solid, parts }))
 }
 
+/// The size of the mesh that a job is on; of nothing, where it is on something else.
+pub(super) fn mesh_size(subject: &Subject) -> MeshSize {
+    match subject {
+        Subject::Mesh(mesh, solid) | Subject::ToDivide { mesh, solid, .. } | Subject::Parts { mesh, solid, .. } => {
+            MeshSize::of_body(mesh, solid.as_deref())
+        }
+        Subject::Problem(_) | Subject::Collection(_) => MeshSize::default(),
+    }
+}
+
 /// Whether a job asks to be divided.
 fn asks(job: &JobRecord) -> bool {
     job.kind == ProductKind::Eigenbasis.name() && !job.parameters["parts"].is_null()

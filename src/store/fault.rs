@@ -123,7 +123,8 @@ impl Faults {
         let invalid = || InvalidFault(specification.to_owned());
         let mut words = specification.split(':');
         let point = words.next().unwrap_or_default();
-        let point = FailPoint::ALL.into_iter().chain(FailPoint::OF_DIVISION).find(|p| p.name() == point).ok_or_else(invalid)?;
+        let point =
+            FailPoint::ALL.into_iter().chain(FailPoint::OF_DIVISION).find(|p| p.name() == point).ok_or_else(invalid)?;
         let action = match words.next() {
             Some("kill") => FaultAction::Kill,
             Some("abort") => FaultAction::Abort,

@@ -1,8 +1,8 @@
 //! One job in parts: a job that waits without a worker until others have solved its parts, and then joins what they made.
 //!
-//! Who claims a job that asks to be divided gives it back with its parts, in one transaction ([`Store::divide`]). From then on nothing has to be remembered:
-//! a claim passes over a job of which a part waits or runs, and what is due beyond that ([`Store::tend_parts`]) follows from the records as they are.
-//! It is done soon after a part or a divided job has changed, and by every process now and then, so that no death of one leaves anything undone.
+//! Who claims a job that asks to be divided gives it back with its parts, in one transaction ([`Store::divide`]). From then on nothing has to be
+//! remembered: a claim passes over a job of which a part waits or runs, and what is due beyond that ([`Store::tend_parts`]) follows from the records
+//! as they are. It is done soon after a part or a divided job has changed, and by every process now and then, so that no death of one leaves anything undone.
 
 use std::num::NonZeroUsize;
 
@@ -106,8 +106,8 @@ impl JobRecord {
 }
 
 impl Store {
-    /// Enqueues the parts of a job and gives it back to the queue, to wait for them, in one step: the attempt does not count. Equal parts that wait, run or
-    /// are done are not enqueued again.
+    /// Enqueues the parts of a job and gives it back to the queue, to wait for them, in one step: the attempt does not count. Equal parts that wait,
+    /// run or are done are not enqueued again.
     ///
     /// # Errors
     /// [`StoreError::Busy`] and its kin: nothing has changed and the lease still holds.
@@ -245,8 +245,8 @@ impl Store {
         rows.iter().map(part_from_row).collect()
     }
 
-    /// Does what is due: a job of which a part was given up ends with its reason, one of which another part is done says so, and parts that no job needs any
-    /// more are cancelled or deleted, with what they made. Gives the jobs that ended.
+    /// Does what is due: a job of which a part was given up ends with its reason, one of which another part is done says so, and parts that no job
+    /// needs any more are cancelled or deleted, with what they made. Gives the jobs that ended.
     ///
     /// # Errors
     /// [`StoreError::Busy`] and its kin.

@@ -7,7 +7,6 @@ use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::{Basis, ProductKind};
 use chladni_spectral::formats::npz;
 use chladni_spectral::spectrum::pencil::Matrices;
-use chladni_work::MeshSize;
 use serde_json::Value;
 use uuid::Uuid;
 
@@ -146,16 +145,6 @@ impl Subject {
         } else {
             Self::Parts { mesh, solid, parts: Arc::new(Elsewhere(first)) }
         })
-    }
-
-    /// The size of the mesh, where that is what the job is on.
-    pub fn mesh_size(&self) -> Option<MeshSize> {
-        match self {
-            Self::Mesh(mesh, solid) | Self::ToDivide { mesh, solid, .. } | Self::Parts { mesh, solid, .. } => {
-                Some(MeshSize::of_body(mesh, solid.as_deref()))
-            }
-            Self::Problem(_) | Self::Collection(_) => None,
-        }
     }
 }
 

@@ -4,8 +4,6 @@ use chladni_algebra::PanelMatrix;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::formats::{FormatError, npz};
-
 /// The kind of the jobs that solve parts, and of what they leave behind.
 pub const EIGENBASIS_PART: &str = "eigenbasis_part";
 
@@ -131,24 +129,9 @@ pub struct StoredPart {
 }
 
 impl StoredPart {
-    /// Encodes a part, with what is to be known about it.
-    ///
-    /// # Errors
-    /// [`FormatError`], as [`npz::write_part`].
-    pub fn new(part: &Part, about: Value) -> Result<Self, FormatError> {
-        let numbers = part.slices.iter().flatten().map(|slice| slice.values.len() * (slice.vectors.rows() + 1));
-        let mut out = std::io::Cursor::new(Vec::with_capacity(8 * numbers.sum::<usize>() + (1 << 14)));
-        npz::write_part(part, &about, &mut out)?;
-        Ok(Self { content: out.into_inner(), plan: part.plan.clone(), number: part.number, about })
-    }
-
-    /// Takes up what [`new`](Self::new) encoded. Of the slices nothing is looked at.
-    ///
-    /// # Errors
-    /// [`FormatError`] where that is no part.
-    pub fn of_bytes(content: Vec<u8>) -> Result<Self, FormatError> {
-        let (plan, number, about) = npz::read_part_head(std::io::Cursor::new(&content))?;
-        Ok(Self { content, plan, number, about })
+    /// A part by its file, and by what the head of that says.
+    pub(crate) fn of_file(content: Vec<u8>, plan: PartPlan, number: usize, about: Value) -> Self {
+        Self { content, plan, number, about }
     }
 
     /// The bytes of the NPZ file.

@@ -120,9 +120,9 @@ impl JobParameters {
         }
     }
 
-    /// Into how many parts a job is divided that asks for it, where `workers` may solve them at once; `None` where it is solved in one piece for want of
-    /// workers, and in words why it is where a number of parts was asked for that the problem does not give. What it was divided into `before` it is divided
-    /// into again, so that parts which are done are found.
+    /// Into how many parts a job is divided that asks for it, where `workers` may solve them at once; `None` where it is solved in one piece for want
+    /// of workers, and in words why it is where a number of parts was asked for that the problem does not give. What it was divided into `before` it is
+    /// divided into again, so that parts which are done are found.
     ///
     /// # Errors
     /// [`JobError`], as [`run`](Self::run).
