@@ -99,7 +99,7 @@ fn check(job: &Value, basis: &Value, parts: usize, known: &[f64]) {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_job_in_parts_has_the_pairs_of_a_whole_one() {
     let folder = tempfile::tempdir().unwrap();
-    let server = Server::start(folder.path(), &["--workers", "2", "--threads", "2"]);
+    let server = Server::start(folder.path(), &["--workers", "2"]);
     let mesh = server.upload_off(surface()).await;
     let whole = server.submit_with(&mesh, wanted(0, Value::Null)).await.unwrap();
     let whole = server.finished(&whole).await;

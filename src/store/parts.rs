@@ -48,7 +48,7 @@ pub struct NewPart {
 #[derive(Debug, Clone, PartialEq)]
 pub enum DivideAnswer {
     /// It waits for its parts.
-    Divided(JobRecord),
+    Divided(Box<JobRecord>),
     /// It had been asked to stop: it is cancelled, and there are no parts.
     Canceled,
     /// The lease was lost: nothing has changed.
@@ -153,7 +153,7 @@ impl Store {
             self.faults().reach(FailPoint::AfterDivide);
             made.iter().for_each(|part| self.announce(part));
             self.announce(&job);
-            return Ok(DivideAnswer::Divided(job));
+            return Ok(DivideAnswer::Divided(Box::new(job)));
         }
         Err(StoreError::Busy { detail: "equal parts come and go".to_owned() })
     }

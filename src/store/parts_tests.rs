@@ -35,7 +35,7 @@ async fn divided(store: &Store, job: Uuid, work: &str, count: usize) -> JobRecor
     let claim = store.claim("w", &[], LEASE).await.unwrap().unwrap();
     assert_eq!(claim.job.id, job);
     match store.divide(claim.token, new_parts(work, count)).await.unwrap() {
-        DivideAnswer::Divided(job) => job,
+        DivideAnswer::Divided(job) => *job,
         other => panic!("{other:?}"),
     }
 }
