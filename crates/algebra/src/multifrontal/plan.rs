@@ -72,7 +72,9 @@ impl Plan {
         let least = (total / SMALLEST_SHARE).max(SMALLEST_WORK);
         let large = |at: usize| work[at] >= least;
         let mut plan = Self { parent, odd, root: Chain::default(), pieces: Vec::new(), held: 0 };
-        let (mut chains, mut lights): (Vec<(usize, Chain)>, Vec<(usize, usize)>) = (Vec::new(), Vec::new());
+        // Chains by their last supernodes, and subtrees by their tops with their pieces, that hang on nothing as yet.
+        let mut chains: Vec<(usize, Chain)> = Vec::new();
+        let mut lights: Vec<(usize, usize)> = Vec::new();
         for at in 0..nodes.len() {
             let above = plan.parent[at];
             if !large(at) {
