@@ -1,4 +1,4 @@
-//! Sparse and dense matrices and the dense symmetric-definite eigenproblem. The only crate that names faer, METIS or wgpu.
+//! Sparse and dense matrices and the dense symmetric-definite eigenproblem. The only crate that names faer or wgpu.
 
 mod bisection;
 mod block_matrix;
@@ -7,6 +7,7 @@ mod column_products;
 mod cycle_products;
 mod definite;
 mod dense;
+mod dissection;
 mod eigen;
 mod factor;
 mod factor_column;

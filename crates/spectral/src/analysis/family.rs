@@ -41,6 +41,8 @@ pub struct Spectrum {
     pub eigenvalues: Vec<f64>,
     /// `d × m`: eigenfunctions are the functions of the family times these, orthonormal for the mass of the input.
     pub coefficients: DenseMatrix,
+    /// How many of the lowest pairs the space was made for: as [`FamilyBasis::covered`].
+    pub covered: usize,
 }
 
 impl Member {
@@ -72,16 +74,17 @@ pub fn spectrum(family: &FamilyBasis, member: Member, count: usize) -> Result<Sp
         let reason = format!("must lie between 1 and {d}, the dimension of the family, not be {count}");
         return Err(FamilyError::Parameter { name: "count", reason });
     }
+    let covered = family.covered(member).min(count);
     if member == Member::default() {
         // The Laplacian: its pairs are the coordinates.
         let eigenvalues = family.eigenvalues[..count].to_vec();
         let mut coefficients = DenseMatrix::zeros(d, count);
         (0..count).for_each(|k| coefficients.column_mut(k)[k] = 1.0);
-        return Ok(Spectrum { eigenvalues, coefficients });
+        return Ok(Spectrum { eigenvalues, coefficients, covered });
     }
     let matrix = family.combined(1.0 - member.extrinsic, member.extrinsic, member.curvature);
     let pairs = lowest_symmetric(matrix, count, &Unwatched)?;
-    Ok(Spectrum { eigenvalues: pairs.values, coefficients: pairs.vectors })
+    Ok(Spectrum { eigenvalues: pairs.values, coefficients: pairs.vectors, covered })
 }
 
 #[cfg(test)]
