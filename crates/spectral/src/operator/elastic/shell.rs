@@ -8,7 +8,7 @@
 use chladni_algebra::Block;
 use chladni_mesh::TriangleMesh;
 
-use super::bending::{Beyond, Curvatures, Flat, STENCIL, Surroundings};
+use super::bending::{Beyond, Curvatures, Flat, Surroundings};
 use super::{
     Elements, Incidence, Material, NOBODY, OperatorError, Vector, cross, dot, minus, strain_block, times, within,
 };

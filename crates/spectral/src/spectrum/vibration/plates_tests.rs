@@ -163,6 +163,9 @@ fn problem(mesh: &TriangleMesh, clamped: &Clamps) -> ElasticProblem {
     elastic::assemble(ElasticBody::Shell { mesh, thickness: 0.05 }, &material, clamped, &Unwatched).unwrap()
 }
 
+/// A fit of too few angles rests on its ridge, which leaves five digits less than there are.
+const ROUNDING: f64 = 1e-10;
+
 #[test]
 fn stiffness_does_not_depend_on_the_order_of_corners_nor_on_windings_nor_on_numbers() {
     let wavy = |mut mesh: TriangleMesh| {
@@ -196,14 +199,16 @@ fn stiffness_does_not_depend_on_the_order_of_corners_nor_on_windings_nor_on_numb
             }
         }
         turned.faces.reverse();
-        assert!(differ(&turned, &clamps, &|row| row) < 1e-13);
+        let rounding = differ(&turned, &clamps, &|row| row);
+        assert!(rounding < ROUNDING, "{n} vertices: {rounding}");
         if !rotations {
             let mut renumbered = mesh.clone();
             let other = |v: u32| n - 1 - v;
             renumbered.positions.reverse();
             renumbered.faces.iter_mut().for_each(|face| *face = face.map(other));
             let place = |row: usize| 3 * (n as usize - 1 - row / 3) + row % 3;
-            assert!(differ(&renumbered, &clamps, &place) < 1e-13);
+            let rounding = differ(&renumbered, &clamps, &place);
+            assert!(rounding < ROUNDING, "{n} vertices: {rounding}");
         }
     }
 }
