@@ -42,7 +42,7 @@ fn main() {
             let factor = SymbolicFactor::new(&stiffness, &mass).expect("a symbolic part");
             let symbolic = started.elapsed().as_secs_f64();
             let started = Instant::now();
-            factor.factor_alone(&stiffness, &mass, -1.0).expect("a factor");
+            factor.factor(&stiffness, &mass, -1.0).expect("a factor");
             let numeric = started.elapsed().as_secs_f64();
             let entries = factor.entries();
             let share = entries as f64 / *by_degree.get_or_insert(entries) as f64;

@@ -3,9 +3,6 @@
 use chladni_algebra::{DenseMatrix, MassMatrix, row_parts};
 use rayon::prelude::*;
 
-use crate::analysis::family::Member;
-use crate::spectrum::family::ANCHORS;
-
 /// `S`, `A` and the curvature potential `V` in one space of `d` functions on `n` vertices, in the Ritz coordinates of `S`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FamilyBasis {
@@ -32,22 +29,6 @@ impl FamilyBasis {
     /// `n`.
     pub fn vertices(&self) -> usize {
         self.mass.size()
-    }
-
-    /// How many of the lowest pairs of a member the space was made for. With all functions of the mesh they are exact, every one; else they are two
-    /// thirds of the pairs that each anchor gave, of members whose curvature is no more than that of the last anchor, and none of others: those can
-    /// be many times too large.
-    pub fn covered(&self, member: Member) -> usize {
-        let most = ANCHORS.iter().fold(0.0, |most, &[_, curvature]| f64::max(most, curvature));
-        match self.dimension() {
-            d if d == self.vertices() => d,
-            _ if member.curvature <= most => {
-                let anchors = self.metadata["anchors"].as_array();
-                let given = anchors.into_iter().flatten().filter_map(|anchor| anchor["pairs"].as_u64()).min();
-                given.unwrap_or(0) as usize * 2 / 3
-            }
-            _ => 0,
-        }
     }
 
     /// `s S + a A + v V` in Ritz coordinates, `d × d`.
