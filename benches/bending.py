@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
-POISSON, RIDGE = 0.3, 1e-5
+POISSON, RIDGE = 0.3, 1e-3
 PLATE = np.array([[1, POISSON, 0], [POISSON, 1, 0], [0, 0, 2 * (1 - POISSON)]])
 
 
@@ -117,7 +117,7 @@ def stiffness(p, faces, energy, clamped):
                 fit = np.array([curved(p, quadratic, row) for row in data])
                 square = fit.T @ fit
                 target = 0.5 * (at_middle(p, own[f, k], edge) - at_middle(p, own[other], edge))
-                weights = fit @ np.linalg.solve(square + RIDGE * np.trace(square) * PLATE, target)
+                weights = fit @ np.linalg.solve(square + RIDGE * (square[0, 0] + square[1, 1] + 0.5 * square[2, 2]) * PLATE, target)
                 angles.append(plus((0.5, known), *[(w, bare(row)) for w, row in zip(weights, data)]))
             else:
                 angles.append(plus((0.5, known)))

@@ -77,9 +77,9 @@ impl Curvatures {
 }
 
 /// The ridge of a fit, as a share of the sum of squares. Where angles are too few to tell a quadratic function, as in a strip of faces, that of least
-/// energy is taken among those that fit; where they do, this changes the energy by the square of its share alone, since the angles sought are those of
+/// energy is taken among those that fit, and on needles no angle is made much of; where they do, this changes the energy by the square of its share alone, since the angles sought are those of
 /// least energy.
-const RIDGE: f64 = 1e-5;
+const RIDGE: f64 = 1e-3;
 
 impl Surroundings<'_> {
     /// The curvature of a face, for a `rigidity` over `1 − ν²` times the area.
@@ -189,7 +189,8 @@ fn shared(data: &[Option<&Hinge>; 5], target: Vector, poisson: f64) -> [f64; 5] 
             row.iter_mut().zip(hinge.quadratics).for_each(|(sum, y)| *sum += x * y);
         }
     }
-    let ridge = RIDGE * (square[0][0] + square[1][1] + square[2][2]);
+    // The third coefficient stands for two entries of a tensor: the same in every frame.
+    let ridge = RIDGE * (square[0][0] + square[1][1] + 0.5 * square[2][2]);
     let plate = [[1.0, poisson, 0.0], [poisson, 1.0, 0.0], [0.0, 0.0, 2.0 * (1.0 - poisson)]];
     for (row, more) in square.iter_mut().zip(plate) {
         row.iter_mut().zip(more).for_each(|(sum, x)| *sum += ridge * x);
