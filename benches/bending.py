@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
-POISSON, RIDGE = 0.3, 1e-3
+POISSON, RIDGE = 0.3, 1e-4
 PLATE = np.array([[1, POISSON, 0], [POISSON, 1, 0], [0, 0, 2 * (1 - POISSON)]])
 
 

@@ -409,7 +409,7 @@ mod tests {
 
     /// The size of the thesis' figure 2.14.
     #[test]
-    fn five_hundred_modes_of_172_970_vertices_are_promised_less_than_ten_gigabytes() {
+    fn five_hundred_modes_of_172_970_vertices_are_promised_about_ten_gigabytes() {
         let size = MeshSize { vertices: 172_970, faces: 345_936, ..MeshSize::default() };
         for given in [
             json!({"method": "approximate", "count": 500, "dimension": 1000, "thickness": 0.01}),
@@ -418,7 +418,7 @@ mod tests {
             let parameters = VibrationBasisParameters::parse(&given).unwrap();
             let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
             let promised = pool.install(|| parameters.memory_bytes(size));
-            assert!(promised < 9_800_000_000, "{given}: {promised}");
+            assert!(promised < 10_100_000_000, "{given}: {promised}");
         }
     }
 

@@ -79,7 +79,7 @@ impl Curvatures {
 /// The ridge of a fit, as a share of the sum of squares. Where angles are too few to tell a quadratic function, as in a strip of faces, that of least
 /// energy is taken among those that fit, and on needles no angle is made much of; where they do, this changes the energy by the square of its share alone, since the angles sought are those of
 /// least energy.
-const RIDGE: f64 = 1e-3;
+const RIDGE: f64 = 1e-4;
 
 impl Surroundings<'_> {
     /// The curvature of a face, for a `rigidity` over `1 − ν²` times the area.
