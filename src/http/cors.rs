@@ -9,7 +9,7 @@ use super::middleware::REQUEST_ID;
 const REMEMBERED: std::time::Duration = std::time::Duration::from_secs(3600);
 
 /// The headers of ours that answers have. A browser shows a page of another origin only those that are exposed.
-const OWN: [&str; 16] = [
+const OWN: [&str; 17] = [
     "chladni-columns",
     "chladni-dtype",
     "chladni-eigenvalues",
@@ -25,6 +25,7 @@ const OWN: [&str; 16] = [
     "chladni-relative-error",
     "chladni-residual",
     "chladni-rows",
+    "chladni-space",
     "chladni-strands",
 ];
 

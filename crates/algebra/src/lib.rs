@@ -40,7 +40,7 @@ pub use dense::{DenseMatrix, row_parts};
 pub use eigen::{ComputedOn, CpuSolver, EigenError, EigenPairs, SymmetricDefiniteSolver};
 pub use factor::{Factor, FactorError, FactorNumbers, SymbolicFactor};
 pub use factor_column::ColumnTree;
-pub use factor_solve::{SolveScratch, SolveTree};
+pub use factor_solve::{HalfSolved, ReachTree, Sides, SolveScratch, SolveTree};
 pub use factored::{space_times, space_times_single, space_transposed_mass_times};
 pub use galerkin::{GalerkinError, galerkin};
 pub use independent::independent_columns;

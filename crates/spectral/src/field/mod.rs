@@ -8,12 +8,16 @@ mod constraints;
 mod cycle;
 mod decomposition;
 mod design;
+mod direct;
 mod drawing;
 mod eigenfields;
 mod harmonic;
 mod heat;
 mod hierarchy;
 mod idle;
+mod least;
+#[cfg(test)]
+mod least_tests;
 mod local;
 mod loops;
 mod many;
@@ -51,6 +55,7 @@ pub use drawing::{
     Camera, Coat, CoatParameters, Drawing, HairStyle, HatchedLines, HatchingStyle, MOST_PAINTED, MOST_PIXELS,
     MOST_POINTS, MOST_STRAND_POINTS, Tone, grow, hatch, paint, png,
 };
+pub use direct::MOST_FACES as MOST_FACTORED_FACES;
 pub use eigenfields::{EigenfieldGoal, LowestFields, WholeField};
 pub use harmonic::{HarmonicError, MOST_HARMONIC, harmonic_fields};
 pub use heat::FieldHeat;

@@ -44,7 +44,7 @@ pub use quads::{
 };
 pub(crate) use request::refused;
 pub use request::{
-    AlignmentRequest, BiharmonicEnergy, DesignRequest, MOST_CONSTRAINTS, NamedTarget, NamedWeights, PerFace, Pin,
+    AlignmentRequest, BiharmonicEnergy, DesignRequest, DesignSpace, MOST_CONSTRAINTS, NamedTarget, NamedWeights, PerFace, Pin,
     SingularVertex, SingularitiesRequest, Stroke, Target, Weights,
 };
 pub use setting::{Designed, ExactField, Goal, Setting, Surface, numerators};
