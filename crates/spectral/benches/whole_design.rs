@@ -29,7 +29,9 @@ fn main() {
         "vector" => FieldKind::Vector {},
         _ => FieldKind::NVector { n: 4 },
     };
-    println!("| mesh | faces | off, 2 constraints | off, 8 | analysis, ms | first, ms | reduced, ms | median, p95 |\n|---|---|---|---|---|---|---|---|");
+    println!(
+        "| mesh | faces | off, 2 constraints | off, 8 | analysis, ms | first, ms | reduced, ms | median, p95 |\n|---|---|---|---|---|---|---|---|"
+    );
     for name in names.split(',') {
         let mesh = match name {
             "plate" => generate(Shape::Rectangle, 5000).unwrap(),

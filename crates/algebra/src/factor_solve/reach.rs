@@ -323,7 +323,9 @@ mod tests {
                                 tree.eliminate(&symbolic, &numbers, &mut eliminated);
                                 assert!(half.iter().zip(&eliminated).all(|(a, b)| (a - b).abs() < 1e-9 * size));
                                 let with = own.product_with(&half);
-                                assert!((0..a.width).all(|i| (with[i] - products[i * b.width + j]).abs() < 1e-9 * size));
+                                assert!(
+                                    (0..a.width).all(|i| (with[i] - products[i * b.width + j]).abs() < 1e-9 * size)
+                                );
                                 tree.substitute(&symbolic, &numbers, &mut half);
                                 assert!(half.iter().zip(&x).all(|(a, b)| (a - b).abs() < 1e-9 * size));
                             }

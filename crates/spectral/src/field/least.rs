@@ -8,9 +8,9 @@ use chladni_algebra::{DenseMatrix, HalfSolved, lowest_symmetric};
 use chladni_base::{Monitor, SplitMix64, Unwatched};
 use rayon::prelude::*;
 
-use super::idle::dot as small_dot;
 use super::design::{Constraint, Design, DesignError};
 use super::direct::{Direct, ShiftedFactor};
+use super::idle::dot as small_dot;
 use super::refine::{RefineError, Refined};
 use super::refine_response::{IDLE, Response, Sum, Whole, add, dot};
 use super::weighted::{System, WeightedModel, amounts_of_kernel};
@@ -242,8 +242,7 @@ impl<'a> IdleHalves<'a> {
             (0..B).map(|i| all.iter().map(|own| own[i]).collect::<Vec<f64>>()).collect::<Vec<_>>()
         };
         let products = own.par_iter().flat_map_iter(|half| with(half)).collect();
-        let solved: Vec<Vec<f64>> =
-            halves.par_iter().map(|half| direct.substituted(factor, half.clone())).collect();
+        let solved: Vec<Vec<f64>> = halves.par_iter().map(|half| direct.substituted(factor, half.clone())).collect();
         let square = images.iter().map(|image| solved.iter().map(|x| small_dot(image, x)).collect()).collect();
         Self { values, products, square, halves }
     }

@@ -39,9 +39,8 @@ impl Problem {
     fn off(&self, a: &[f64], b: &[f64]) -> f64 {
         let block = self.basis.space.block();
         let areas = self.surface.frames().areas();
-        let square = |x: &mut dyn Iterator<Item = f64>| -> f64 {
-            x.enumerate().map(|(i, x)| areas[i / block] * x * x).sum()
-        };
+        let square =
+            |x: &mut dyn Iterator<Item = f64>| -> f64 { x.enumerate().map(|(i, x)| areas[i / block] * x * x).sum() };
         let apart = square(&mut a.iter().zip(b).map(|(a, b)| a - b));
         (apart / square(&mut b.iter().copied())).sqrt()
     }
@@ -75,8 +74,11 @@ fn designs_by_factors_are_those_of_cycles() {
                 let off = p.off(&found.field, &cycled.field);
                 println!("{shape:?} {kind:?} {harmonic} {biharmonic}: {off:.1e}");
                 assert!(off < 1e-6, "{shape:?} {kind:?} {harmonic} {biharmonic}: {off}");
-                assert!((found.harmonic_energy - cycled.harmonic_energy).abs() < 1e-5 * cycled.harmonic_energy.max(1e-3));
-                assert!(found.residuals.iter().step_by(2).all(|missed| *missed < 1e-7), "{:?}", found.residuals);
+                assert!(
+                    (found.harmonic_energy - cycled.harmonic_energy).abs() < 1e-5 * cycled.harmonic_energy.max(1e-3)
+                );
+                // As exactly as fields without energy are told from others.
+                assert!(found.residuals.iter().step_by(2).all(|missed| *missed < 1e-6), "{:?}", found.residuals);
                 // Its coefficients are those of the field of the space that is nearest: none is nearer, that of the design neither.
                 assert!(found.distance <= cycled.distance * (1.0 + 1e-5), "{} {}", found.distance, cycled.distance);
                 // The same factors serve conjugate gradients.

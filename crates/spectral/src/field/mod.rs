@@ -51,11 +51,11 @@ pub use alignment::{Alignment, Prescription};
 pub use basis::{Construction, FieldError, FieldParameters, FieldSurface, field_basis, full_biharmonic};
 pub use decomposition::{HodgeDecomposition, HodgeParts};
 pub use design::{BENDING, Constraint, Design, DesignError, DesignModel, EnergyWeights, Hold, MOST_DIMENSIONS};
+pub use direct::MOST_FACES as MOST_FACTORED_FACES;
 pub use drawing::{
     Camera, Coat, CoatParameters, Drawing, HairStyle, HatchedLines, HatchingStyle, MOST_PAINTED, MOST_PIXELS,
     MOST_POINTS, MOST_STRAND_POINTS, Tone, grow, hatch, paint, png,
 };
-pub use direct::MOST_FACES as MOST_FACTORED_FACES;
 pub use eigenfields::{EigenfieldGoal, LowestFields, WholeField};
 pub use harmonic::{HarmonicError, MOST_HARMONIC, harmonic_fields};
 pub use heat::FieldHeat;

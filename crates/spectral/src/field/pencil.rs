@@ -7,8 +7,8 @@
 use std::sync::{Arc, OnceLock};
 
 use chladni_algebra::{
-    ColumnTree, FactorError, FactorNumbers, HalfSolved, MassMatrix, Ordering, PANEL_WIDTH, ReachTree, Sides, SparseMatrix,
-    SymbolicFactor, fill_reducing_order,
+    ColumnTree, FactorError, FactorNumbers, HalfSolved, MassMatrix, Ordering, PANEL_WIDTH, ReachTree, Sides,
+    SparseMatrix, SymbolicFactor, fill_reducing_order,
 };
 use rayon::prelude::*;
 

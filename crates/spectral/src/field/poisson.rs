@@ -20,7 +20,9 @@ pub enum PoissonError {
     #[error("a Poisson problem on the vertices could not be solved: {0}")]
     Factor(#[from] FactorError),
     /// The matrix is singular for faces without area.
-    #[error("the Laplacian of this surface cannot be factored: {faces} of its faces have no area, the first of which is face {face}")]
+    #[error(
+        "the Laplacian of this surface cannot be factored: {faces} of its faces have no area, the first of which is face {face}"
+    )]
     Flat {
         /// The first of them.
         face: u32,

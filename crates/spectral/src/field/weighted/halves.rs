@@ -75,8 +75,10 @@ impl WeightedModel {
         // Of each constrained number those of the fields without energy, and their products with half of its solve.
         let (mut values, mut with): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
         if !idle.is_empty() {
-            values = (0..rows.columns()).map(|i| idle.iter().map(|one| dot(&one.field, rows.column(i))).collect()).collect();
-            let products = |half: &HalfSolved| own.halves.iter().map(|idle| half.product_with(idle)).collect::<Vec<_>>();
+            values =
+                (0..rows.columns()).map(|i| idle.iter().map(|one| dot(&one.field, rows.column(i))).collect()).collect();
+            let products =
+                |half: &HalfSolved| own.halves.iter().map(|idle| half.product_with(idle)).collect::<Vec<_>>();
             for all in halves.par_iter().map(products).collect::<Vec<_>>() {
                 with.extend((0..b).map(|i| all.iter().map(|own| own[i]).collect::<Vec<f64>>()));
             }

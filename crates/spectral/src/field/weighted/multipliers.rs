@@ -65,7 +65,11 @@ impl WeightedModel {
 
 impl System {
     /// Of what pulls move, to which it adds by how much each condition gives way.
-    pub(in super::super) fn new(mut matrix: DenseMatrix, conditions: &[Condition], b: usize) -> Result<Self, DesignError> {
+    pub(in super::super) fn new(
+        mut matrix: DenseMatrix,
+        conditions: &[Condition],
+        b: usize,
+    ) -> Result<Self, DesignError> {
         let mean = mean_of_diagonal(&matrix);
         for (i, slack) in slacks(&matrix, conditions, b).into_iter().enumerate() {
             matrix.column_mut(i)[i] += slack;
@@ -81,7 +85,13 @@ impl System {
 
     /// Has hard constraints give way no longer. Where `K⁻¹` is a sparse factor, a pull moves what has nearly no energy so far that the share of it
     /// which they give way is much.
-    pub(in super::super) fn refine(&self, right: &[f64], conditions: &[Condition], b: usize, y: &mut [f64]) -> Result<(), DesignError> {
+    pub(in super::super) fn refine(
+        &self,
+        right: &[f64],
+        conditions: &[Condition],
+        b: usize,
+        y: &mut [f64],
+    ) -> Result<(), DesignError> {
         let k = y.len();
         for _ in 0..REFINEMENTS {
             let mut rest = DenseMatrix::zeros(k, 1);
@@ -118,7 +128,10 @@ fn right_hand_sides(
 }
 
 /// How much of each field of the kernel there is; where constraints do not say, as little as possible.
-pub(in super::super) fn amounts_of_kernel(right: &DenseMatrix, solutions: &DenseMatrix) -> Result<Vec<f64>, DesignError> {
+pub(in super::super) fn amounts_of_kernel(
+    right: &DenseMatrix,
+    solutions: &DenseMatrix,
+) -> Result<Vec<f64>, DesignError> {
     let free = right.columns() - 1;
     let products = right.transposed_times(solutions);
     let largest = (0..free).map(|j| products.column(1 + j)[1 + j]).fold(0.0, f64::max);
