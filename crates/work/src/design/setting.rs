@@ -305,14 +305,14 @@ impl Setting {
             return Ok(());
         }
         let whole = || -> Result<Refined, RefineError> {
-            match full.is_factored() {
+            let least = match full.is_factored() {
                 true => full.least(weighted, basis, constraints, design, monitor)?,
                 false => None,
+            };
+            match least {
+                Some(found) => Ok(found),
+                None => full.refine(weighted, basis, constraints, design, request.refine.unwrap_or(CLOSE), monitor),
             }
-            .map_or_else(
-                || full.refine(weighted, basis, constraints, design, request.refine.unwrap_or(CLOSE), monitor),
-                Ok,
-            )
         };
         let refined = match whole() {
             Ok(refined) => refined,
