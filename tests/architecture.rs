@@ -33,7 +33,6 @@ const ARROWS: &[(&str, &[&str])] = &[
 /// Crates that only these rooms name. A crate without rooms counts as one.
 const GUARDED: &[(&str, &[&str])] = &[
     ("faer", &["algebra"]),
-    ("metis_sys", &["algebra"]),
     ("pulp", &["algebra"]),
     ("wgpu", &["algebra"]),
     ("zip", &["mesh", "formats"]),

@@ -115,6 +115,40 @@ pub struct EigenbasisDetails {
     measured_on: Vec<String>,
     /// Where a faster way was given up for a surer one, and why; absent where none was.
     fallbacks: Vec<String>,
+    /// The parts that it was joined of, from the lowest pairs up; absent where it was solved in one piece.
+    #[schema(inline)]
+    parts: Vec<SolvedPart>,
+}
+
+/// A part that was solved by itself.
+#[derive(ToSchema)]
+#[allow(dead_code)]
+struct SolvedPart {
+    /// Which one, from 1.
+    part: u64,
+    /// Its pairs, those that it shares with its neighbours included; 0 where it was given up.
+    pairs: u64,
+    /// Seconds that it took.
+    seconds: f64,
+    /// Threads that solved it.
+    threads: u64,
+}
+
+/// The parameters of a job that solves a part of another.
+#[derive(ToSchema)]
+#[allow(dead_code)]
+pub struct EigenbasisPartParameters {
+    /// Which part, from 1.
+    part: u64,
+    /// Of so many.
+    of: u64,
+    /// The parameters of the whole.
+    #[schema(schema_with = eigenbasis_parameters)]
+    parameters: (),
+}
+
+fn eigenbasis_parameters() -> utoipa::openapi::Ref {
+    utoipa::openapi::Ref::from_schema_name("EigenbasisParameters")
 }
 
 /// What only a field basis has.
@@ -256,6 +290,7 @@ pub struct EstimatedModes {
     ElasticReport,
     EigenbasisOperator,
     EigenbasisDetails,
+    EigenbasisPartParameters,
     FieldBasisDetails,
     FieldCertificate,
     OperatorFamilyDetails,

@@ -15,6 +15,7 @@
 //! | [`prune`] | what nothing refers to is left out |
 
 use chladni_base::notes::{DENSE_SOLVER, FALLBACKS, MEASURED_ON};
+use chladni_spectral::basis::PARTS;
 use serde_json::{Map, Value, json};
 
 use super::{kinds, variants};
@@ -28,7 +29,7 @@ const ABSENT: &[(&str, &[&str])] = &[
     ("HodgeOperator", &["domain"]),
     ("MeshReport", &["points", "polygons", "solid", "subdivisions", "surface", "file", "attributes"]),
     ("OperatorReport", &["polygons", "flat_tetrahedra"]),
-    ("EigenbasisDetails", &[DENSE_SOLVER, MEASURED_ON, FALLBACKS]),
+    ("EigenbasisDetails", &[DENSE_SOLVER, MEASURED_ON, FALLBACKS, PARTS]),
     ("FieldBasisDetails", &[DENSE_SOLVER]),
     ("OperatorFamilyDetails", &[DENSE_SOLVER]),
     ("VibrationBasisDetails", &[DENSE_SOLVER]),

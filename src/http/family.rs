@@ -70,10 +70,13 @@ const COUNT: usize = 100;
 
 /// The lowest pairs of an operator of the family.
 #[derive(Debug, Serialize, ToSchema)]
-#[schema(example = json!({"eigenvalues": [0.0, 1.9, 2.1], "coefficients": null, "modes": null}))]
+#[schema(example = json!({"eigenvalues": [0.0, 1.9, 2.1], "covered": 3, "coefficients": null, "modes": null}))]
 struct SpectrumAnswer {
     /// Ascending, in 1/length² of the mesh.
     eigenvalues: Vec<f64>,
+    /// How many of them, from the lowest, the space of the family was made for; those beyond can be many times too large. None where `curvature` is
+    /// above 20, all where the space has every function of the mesh.
+    covered: usize,
     /// A row for each function of the space, where they were asked for.
     coefficients: Option<Table>,
     /// A row for each vertex, where they were asked for; orthonormal for the mass of the mesh.
@@ -89,14 +92,14 @@ problems!(FamilySpectrumProblems: SOLVE BODY JSON [INVALID_SPECTRUM]);
 /// moves a slider: 100 pairs in a space of 780 functions take some tens of milliseconds.
 ///
 /// With `Accept: application/octet-stream` the answer is what `give` names, as raw little-endian f32, row after row, and the eigenvalues
-/// stand in `Chladni-Eigenvalues`.
+/// stand in `Chladni-Eigenvalues`; `Chladni-Covered` is `covered`.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/spectrum", tag = "bases", operation_id = "familySpectrum",
     params(BasisId, NumberingQuery),
     request_body = SpectrumRequest,
     responses(
         (status = 200, description = "The pairs", content((SpectrumAnswer = "application/json"), (super::docs::Binary = "application/octet-stream")),
-            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Eigenvalues" = String), ("Server-Timing" = String))),
+            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Eigenvalues" = String), ("Chladni-Covered" = u64), ("Server-Timing" = String))),
         FamilySpectrumProblems,
     ),
     security(("bearer" = ["read"]))
@@ -143,13 +146,16 @@ async fn family_spectrum(
                 let listed: Vec<String> = found.eigenvalues.iter().map(|value| format!("{value:.9e}")).collect();
                 let values = DenseMatrix::from_columns(found.eigenvalues.len(), 1, found.eigenvalues);
                 let matrix = matrix.unwrap_or(values);
-                return Ok(Answer::raw(&matrix, Dtype::F32, begin).with("chladni-eigenvalues", listed.join(" ")));
+                let covered = found.covered.to_string();
+                let answer = Answer::raw(&matrix, Dtype::F32, begin);
+                return Ok(answer.with("chladni-eigenvalues", listed.join(" ")).with("chladni-covered", covered));
             }
             let table = |wanted| matrix.as_ref().filter(|_| request.give == wanted).map(binary::to_table);
             let answer = SpectrumAnswer {
                 coefficients: table(SpectrumDetail::Coefficients),
                 modes: table(SpectrumDetail::Modes),
                 eigenvalues: found.eigenvalues,
+                covered: found.covered,
             };
             Answer::json(&answer, begin)
         })

@@ -6,7 +6,7 @@ use axum::Json;
 use axum::body::Body;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use chladni_spectral::basis::{MAP_COLLECTION, ProductKind};
+use chladni_spectral::basis::{EIGENBASIS_PART, MAP_COLLECTION, ProductKind};
 use chladni_work::numbered::translate_parameters;
 use chladni_work::packed::Packed;
 use chladni_work::{JobParameters, MeshSize, ProblemSize, SOLVER_VERSION};
@@ -350,6 +350,8 @@ struct ListQuery {
     kind: Option<String>,
     /// Only jobs on this mesh, or on the problem that has this id.
     mesh: Option<String>,
+    /// Only the parts of this job, while it is divided: no other list has them, but that of the kind `eigenbasis_part`.
+    parent: Option<String>,
     /// Items of the page, at most 200.
     #[param(minimum = 1, maximum = 200, default = 50)]
     limit: Option<u32>,
@@ -361,7 +363,7 @@ problems!(ListJobsProblems: PAGE []);
 
 /// Lists jobs
 ///
-/// Newest first. Pages stay stable while new jobs arrive.
+/// Newest first. Pages stay stable while new jobs arrive. Jobs that solve parts of others are listed with `parent`.
 #[utoipa::path(
     get, path = "/v1/jobs", tag = "jobs", operation_id = "listJobs", params(ListQuery),
     responses(
@@ -371,8 +373,12 @@ problems!(ListJobsProblems: PAGE []);
     security(("bearer" = ["read"]))
 )]
 async fn list(state: ClientState, QueryOf(query): QueryOf<ListQuery>) -> Result<Json<PageOf<JobResource>>, Problem> {
-    extract::known_kind(query.kind.as_deref())?;
-    let filter = JobFilter { status: query.status.map(Into::into), kind: query.kind, mesh: query.mesh };
+    if query.kind.as_deref() != Some(EIGENBASIS_PART) {
+        extract::known_kind(query.kind.as_deref())?;
+    }
+    let no_id = |_| Problem::new(&problem::INVALID_QUERY, "parent: must be the id of a job.");
+    let parent = query.parent.as_deref().map(|parent| Uuid::try_parse(parent).map_err(no_id)).transpose()?;
+    let filter = JobFilter { status: query.status.map(Into::into), kind: query.kind, mesh: query.mesh, parent };
     let (page, store) = (extract::page(query.limit, query.from)?, state.store.clone());
     let resources = async move {
         let mut page = store.jobs(&filter, &page).await?;

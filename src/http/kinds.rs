@@ -1,6 +1,6 @@
 //! Jobs and bases by kind, in the OpenAPI document: `oneOf` with `kind` as the discriminator, each with parameters and details of its own.
 
-use chladni_spectral::basis::{MAP_COLLECTION, PENCIL};
+use chladni_spectral::basis::{EIGENBASIS_PART, MAP_COLLECTION, PENCIL};
 use chladni_work::LONGEST_LIST;
 use serde_json::{Value, json};
 
@@ -73,6 +73,16 @@ const KINDS: [Kind; 6] = [
     },
 ];
 
+/// Jobs that solve parts of others: clients see them, and neither ask for them nor for what they make.
+const PART: Kind = Kind {
+    name: EIGENBASIS_PART,
+    prefix: "EigenbasisPart",
+    operator: None,
+    certificate: None,
+    details: "",
+    always: false,
+};
+
 impl Kind {
     fn parameters(&self) -> Value {
         reference(&format!("{}Parameters", self.prefix))
@@ -122,7 +132,7 @@ pub fn split(document: &mut Value) {
         name => reference(&name),
     };
     let request = schemas(document)["JobRequest"].take();
-    divide(document, "JobRequest", &request, |kind| {
+    divide(document, "JobRequest", &request, &[], |kind| {
         let mut own = request.clone();
         own["properties"]["kind"] = kind.own();
         own["properties"]["parameters"] = described(kind.parameters(), "Parameters; what is absent takes its default.");
@@ -135,14 +145,14 @@ pub fn split(document: &mut Value) {
         own
     });
     let job = schemas(document)["JobResource"].take();
-    divide(document, "JobResource", &job, |kind| with(kind, "JobFacts", &job, shown(kind)));
+    divide(document, "JobResource", &job, &[PART], |kind| with(kind, "JobFacts", &job, shown(kind)));
     common(document, "JobFacts", job, &["kind", "parameters", "mesh", "pencil", "bases"]);
     let summary = schemas(document)["BasisSummary"].take();
-    divide(document, "BasisSummary", &summary, |kind| with(kind, "BasisFacts", &summary, shown(kind)));
+    divide(document, "BasisSummary", &summary, &[], |kind| with(kind, "BasisFacts", &summary, shown(kind)));
     common(document, "BasisFacts", summary, &["kind", "parameters", "mesh", "pencil"]);
     let basis = schemas(document)["BasisResource"].take();
     let texts = basis["allOf"][1]["properties"].clone();
-    divide(document, "BasisResource", &basis, |kind| {
+    divide(document, "BasisResource", &basis, &[], |kind| {
         let member = |name: &str, of: Option<&str>, always: bool| {
             let text = texts[name]["description"].as_str().unwrap_or_default();
             match of {
@@ -176,10 +186,10 @@ fn with(kind: &Kind, common: &str, of: &Value, parameters: Value) -> Value {
     json!({ "allOf": [reference(common), { "type": "object", "properties": properties }] })
 }
 
-/// A schema becomes one of several, told apart by `kind`.
-fn divide(document: &mut Value, name: &str, whole: &Value, make: impl Fn(&Kind) -> Value) {
+/// A schema becomes one of several, told apart by `kind`; some have more kinds than others.
+fn divide(document: &mut Value, name: &str, whole: &Value, more: &[Kind], make: impl Fn(&Kind) -> Value) {
     let (mut choices, mut mapping) = (Vec::new(), json!({}));
-    for kind in &KINDS {
+    for kind in KINDS.iter().chain(more) {
         let own = format!("{}{name}", kind.prefix);
         let mut schema = make(kind);
         schema["description"] =
@@ -234,8 +244,12 @@ fn show_parameters(document: &mut Value) -> Vec<String> {
         }
         false
     };
-    let mut shown: Vec<String> =
-        KINDS.iter().map(|kind| format!("{}Parameters", kind.prefix)).filter(|name| holds_lists(name)).collect();
+    let mut shown: Vec<String> = KINDS
+        .iter()
+        .chain([&PART])
+        .map(|kind| format!("{}Parameters", kind.prefix))
+        .filter(|name| holds_lists(name))
+        .collect();
     let mut next = 0;
     while next < shown.len() {
         let mut schema = all[&shown[next]].clone();

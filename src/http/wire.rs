@@ -232,11 +232,11 @@ impl From<Status> for JobStatus {
                    "dimension": 1000, "construction": "heat", "accuracy": "standard", "seed": 0},
     "priority": 0, "status": "processing", "stage": "basis", "progress": 0.4,
     "stage_seconds": [{"stage": "operator", "seconds": 0.031}, {"stage": "sampling", "seconds": 0.022}],
-    "detail": null, "memory_bytes": 1283457000,
+    "detail": null, "memory_bytes": 1283457000, "parts": null, "parent": null,
     "attempt": 1, "max_attempts": 3, "cancel_requested": false, "basis": null, "problem": null, "solver_version": "0.1.0+5",
     "created_ms": 1795269600000i64, "started_ms": 1795269600012i64, "finished_ms": null, "revision": 7,
     "links": {"self": "/v1/jobs/019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2", "events": "/v1/jobs/019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2/events",
-              "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "pencil": null, "basis": null}
+              "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3", "pencil": null, "basis": null, "parts": null}
 }))]
 pub struct JobResource {
     /// A time-ordered UUID.
@@ -273,6 +273,11 @@ pub struct JobResource {
     pub max_attempts: u32,
     /// An estimate of the memory it needs: jobs that together need more than the server has do not run at once.
     pub memory_bytes: u64,
+    /// Of a job that is divided, how many of its parts are done, of all; null where it is not. It waits for them as `enqueued`, in the stage `parts`.
+    #[schema(inline)]
+    pub parts: Option<PartsDone>,
+    /// Of a part, the job that it is a part of; null for others.
+    pub parent: Option<String>,
     /// Whether it was asked to stop.
     pub cancel_requested: bool,
     /// The id of the basis it made.
@@ -293,6 +298,15 @@ pub struct JobResource {
     pub links: JobLinks,
 }
 
+/// How far the parts of a job have come.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct PartsDone {
+    /// How many are done.
+    pub done: u32,
+    /// Of so many.
+    pub of: u32,
+}
+
 /// Links of a job.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct JobLinks {
@@ -307,10 +321,14 @@ pub struct JobLinks {
     pub pencil: Option<String>,
     /// Its basis, once there is one.
     pub basis: Option<String>,
+    /// The jobs that solve its parts, while it is divided; null where it is not.
+    pub parts: Option<String>,
 }
 
 impl From<JobRecord> for JobResource {
-    fn from(record: JobRecord) -> Self {
+    fn from(mut record: JobRecord) -> Self {
+        // What a part made is no basis, and known to its job alone.
+        record.basis = record.basis.filter(|_| !record.is_part());
         let itself = format!("/v1/jobs/{}", record.id);
         let source = Source::of(&record.kind, record.mesh);
         Self {
@@ -319,6 +337,7 @@ impl From<JobRecord> for JobResource {
                 mesh: source.mesh_link(),
                 pencil: source.pencil_link(),
                 basis: record.basis.map(|basis| format!("/v1/bases/{basis}")),
+                parts: (record.parts > 0).then(|| format!("/v1/jobs?parent={}", record.id)),
                 itself,
             },
             id: record.id.to_string(),
@@ -336,6 +355,8 @@ impl From<JobRecord> for JobResource {
             stage_seconds: stages(record.stage_seconds),
             attempt: record.attempt,
             max_attempts: record.max_attempts,
+            parts: (record.parts > 0).then_some(PartsDone { done: record.parts_done, of: record.parts }),
+            parent: record.parent.map(|parent| parent.to_string()),
             cancel_requested: record.cancel_requested,
             basis: record.basis.map(|basis| basis.to_string()),
             problem: record.problem.map(|problem| JobProblemResource {

@@ -1,6 +1,7 @@
 //! One attempt at a job: from the claim to what becomes of it.
 
 use std::{
+    num::NonZeroUsize,
     panic::{AssertUnwindSafe, catch_unwind},
     sync::{
         Arc,
@@ -9,16 +10,24 @@ use std::{
     time::Duration,
 };
 
+use chladni_spectral::basis::Product;
+use chladni_work::MeshSize;
 use tokio::{
     sync::{broadcast, mpsc, oneshot, watch},
     time::{Instant, MissedTickBehavior, interval},
 };
 use uuid::Uuid;
 
-use super::{JobFailure, Outcome, WorkerOptions, memory::Reservation, monitor::AttemptMonitor, pool::Shared};
+use super::{
+    JobFailure, Outcome, WorkerOptions,
+    divided::{self, Next},
+    memory::Reservation,
+    monitor::AttemptMonitor,
+    pool::Shared,
+};
 use crate::store::{
-    Claim, CompleteAnswer, FailAnswer, HeartbeatAnswer, JobEvent, JobProblem, JobRecord, JobStatus, Progress, Store,
-    StoreError, Subject,
+    Claim, CompleteAnswer, DivideAnswer, FailAnswer, HeartbeatAnswer, JobEvent, JobProblem, JobRecord, JobStatus,
+    Progress, Store, StoreError, Subject,
 };
 
 /// How often the heartbeat looks whether there is anything to write down.
@@ -85,8 +94,25 @@ pub(super) async fn run(
             return Threads::Free;
         }
     };
+    let subject = match divided::next(shared, &job, subject).await {
+        Ok(Next::Run(subject)) => subject,
+        Ok(Next::Fail(problem)) => {
+            settle(shared, &job.kind, Ending::Failed(problem, false), token).await;
+            return Threads::Free;
+        }
+        Ok(Next::Wait) => {
+            settle(shared, &job.kind, Ending::Released, token).await;
+            return Threads::Free;
+        }
+        Err(error) => {
+            let retryable = error.is_retryable();
+            settle(shared, &job.kind, Ending::Failed(problem("parts-unavailable", &error), retryable), token).await;
+            return Threads::Free;
+        }
+    };
+    let size = divided::mesh_size(&subject);
     let result = begin(shared, &job, subject, &monitor, &memory, threads);
-    let attempt = UnderWay { shared, kind: &job.kind, token, monitor: &monitor, cancel_deadline: None, settled: false };
+    let attempt = UnderWay { shared, job: &job, size, token, monitor: &monitor, cancel_deadline: None, settled: false };
     let threads = attempt.attend(result, verdict).await;
     drop((beating, memory));
     threads
@@ -124,7 +150,9 @@ fn begin(
 /// An attempt whose work is under way.
 struct UnderWay<'a> {
     shared: &'a Shared,
-    kind: &'a str,
+    job: &'a JobRecord,
+    /// Of the mesh that it is on, where it is on one.
+    size: MeshSize,
     token: Uuid,
     monitor: &'a AttemptMonitor,
     /// When the job is cancelled without its work, which was asked to stop.
@@ -141,7 +169,7 @@ impl UnderWay<'_> {
             tokio::select! {
                 outcome = &mut result => {
                     if !self.settled {
-                        conclude(self.shared, self.kind, self.token, self.monitor, outcome).await;
+                        self.conclude(outcome).await;
                     }
                     return Threads::Free;
                 }
@@ -176,7 +204,7 @@ impl UnderWay<'_> {
             return;
         }
         tracing::warn!("lease lost");
-        self.shared.observer.lease_lost(self.kind);
+        self.shared.observer.lease_lost(&self.job.kind);
         self.monitor.cancel();
     }
 
@@ -192,7 +220,47 @@ impl UnderWay<'_> {
     /// Writes down how the attempt ended, unless something is written down already.
     async fn settle(&mut self, ending: Ending) {
         if !std::mem::replace(&mut self.settled, true) {
-            settle(self.shared, self.kind, ending, self.token).await;
+            settle(self.shared, &self.job.kind, ending, self.token).await;
+        }
+    }
+
+    /// Writes down what the work came to.
+    async fn conclude(&self, returned: Returned) {
+        let Self { shared, token, monitor, .. } = *self;
+        let kind = self.job.kind.as_str();
+        let ending = match returned {
+            Ok(Ok(Ok(Outcome::Product(product)))) => return store_result(shared, kind, token, monitor, product).await,
+            Ok(Ok(Ok(Outcome::Parts(parts)))) => return self.divide(parts).await,
+            Ok(Ok(Err(JobFailure::Cancelled(_)))) => Ending::Canceled,
+            Ok(Ok(Err(JobFailure::Failed { kind, detail, retryable }))) => {
+                Ending::Failed(JobProblem { kind, detail }, retryable)
+            }
+            Ok(Ok(Err(JobFailure::Died { how }))) => {
+                shared.observer.died(kind);
+                Ending::Died(how)
+            }
+            Ok(Err(_)) | Err(_) => {
+                let detail = format!("the worker panicked{}", stage_words(monitor));
+                Ending::Failed(JobProblem { kind: "worker-panicked".to_owned(), detail }, true)
+            }
+        };
+        settle(shared, kind, ending, token).await;
+    }
+
+    /// Gives the job back with the parts that it waits for from now on.
+    async fn divide(&self, parts: NonZeroUsize) {
+        let Self { shared, job, token, .. } = *self;
+        let new = match divided::part_jobs(job, self.size, parts) {
+            Ok(new) => new,
+            Err(problem) => return settle(shared, &job.kind, Ending::Failed(problem, false), token).await,
+        };
+        match shared.store.divide(token, new).await {
+            Ok(DivideAnswer::Divided(_)) => tracing::info!(parts, "job divided"),
+            Ok(DivideAnswer::Canceled) => shared.observer.finished(&job.kind, JobStatus::Canceled),
+            Ok(DivideAnswer::Lost) => shared.observer.lease_lost(&job.kind),
+            Err(error) => {
+                settle(shared, &job.kind, Ending::Failed(problem("storage-unavailable", &error), true), token).await;
+            }
         }
     }
 }
@@ -245,27 +313,7 @@ type Worked = std::thread::Result<Result<Outcome, JobFailure>>;
 /// The same, if it came to anything.
 type Returned = Result<Worked, oneshot::error::RecvError>;
 
-/// Writes down what the work came to.
-async fn conclude(shared: &Shared, kind: &str, token: Uuid, monitor: &AttemptMonitor, returned: Returned) {
-    let ending = match returned {
-        Ok(Ok(Ok(outcome))) => return store_result(shared, kind, token, monitor, outcome).await,
-        Ok(Ok(Err(JobFailure::Cancelled(_)))) => Ending::Canceled,
-        Ok(Ok(Err(JobFailure::Failed { kind, detail, retryable }))) => {
-            Ending::Failed(JobProblem { kind, detail }, retryable)
-        }
-        Ok(Ok(Err(JobFailure::Died { how }))) => {
-            shared.observer.died(kind);
-            Ending::Died(how)
-        }
-        Ok(Err(_)) | Err(_) => {
-            let detail = format!("the worker panicked{}", stage_words(monitor));
-            Ending::Failed(JobProblem { kind: "worker-panicked".to_owned(), detail }, true)
-        }
-    };
-    settle(shared, kind, ending, token).await;
-}
-
-async fn store_result(shared: &Shared, kind: &str, token: Uuid, monitor: &AttemptMonitor, outcome: Outcome) {
+async fn store_result(shared: &Shared, kind: &str, token: Uuid, monitor: &AttemptMonitor, product: Product) {
     monitor.begin_storing();
     let mut stage_seconds = monitor.snapshot().stage_seconds;
     stage_seconds.retain(|(stage, _)| stage != "store");
@@ -273,7 +321,7 @@ async fn store_result(shared: &Shared, kind: &str, token: Uuid, monitor: &Attemp
         shared.observer.stage_ended(kind, stage, *seconds);
     }
     let begun = Instant::now();
-    match shared.store.complete(token, outcome.product, stage_seconds).await {
+    match shared.store.complete(token, product, stage_seconds).await {
         Ok(CompleteAnswer::Stored(basis)) => {
             shared.observer.stage_ended(kind, "store", begun.elapsed().as_secs_f64());
             shared.observer.finished(kind, JobStatus::Succeeded);

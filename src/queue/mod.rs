@@ -8,6 +8,7 @@
 //! the server either way.
 
 mod attempt;
+mod divided;
 mod memory;
 mod monitor;
 mod pool;

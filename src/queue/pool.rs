@@ -284,12 +284,27 @@ fn give_way() {
     }
 }
 
+/// Jobs that wait for their parts hear of them, and parts that nobody needs go.
+async fn tend_parts(shared: &Shared) {
+    match shared.store.tend_parts().await {
+        Ok(ended) => ended.iter().for_each(|job| shared.observer.finished(&job.kind, job.status)),
+        Err(error) => tracing::warn!(%error, "parts of jobs could not be looked after"),
+    }
+}
+
 async fn reap(shared: Arc<Shared>) {
     let mut every =
         tokio::time::interval((shared.options.lease / 3).clamp(Duration::from_millis(50), Duration::from_secs(5)));
     every.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
     loop {
-        every.tick().await;
+        let told = tokio::select! {
+            _ = every.tick() => false,
+            () = shared.store.parts().notified() => true,
+        };
+        tend_parts(&shared).await;
+        if told {
+            continue;
+        }
         if shared.options.workers > 0
             && let Err(error) = shared.store.announce_worker(&shared.own).await
         {

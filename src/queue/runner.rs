@@ -1,5 +1,6 @@
 //! What the queue asks of the work itself, and what it tells an observer.
 
+use std::num::NonZeroUsize;
 use std::sync::Arc;
 
 use chladni_base::{Cancelled, Monitor};
@@ -7,7 +8,7 @@ use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::Product;
 use chladni_spectral::spectrum::pencil::Matrices;
 
-use crate::store::{CollectedShape, JobRecord, JobStatus, Subject};
+use crate::store::{CollectedShape, JobRecord, JobStatus, PartSource, Subject};
 
 /// Does the work of a job: a pure function of the job and its mesh.
 pub trait Runner: Send + Sync + 'static {
@@ -57,6 +58,36 @@ pub trait Runner: Send + Sync + 'static {
         Err(not_run(job))
     }
 
+    /// Makes the plan of a job that asks to be divided, where so many parts may be solved at once, or does it in one piece where it is not to be.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    fn run_to_divide(
+        &self,
+        job: &JobRecord,
+        mesh: Arc<TriangleMesh>,
+        solid: Option<Arc<TetMesh>>,
+        _workers_and_before: (usize, usize),
+        monitor: &dyn Watch,
+    ) -> Result<Outcome, JobFailure> {
+        self.run_body(job, mesh, solid, monitor)
+    }
+
+    /// Joins the parts of a job.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    fn run_parts(
+        &self,
+        job: &JobRecord,
+        _mesh: Arc<TriangleMesh>,
+        _solid: Option<Arc<TetMesh>>,
+        _parts: Arc<dyn PartSource>,
+        _monitor: &dyn Watch,
+    ) -> Result<Outcome, JobFailure> {
+        Err(not_run(job))
+    }
+
     /// Runs one attempt at a job, whatever it works on.
     ///
     /// # Errors
@@ -66,6 +97,10 @@ pub trait Runner: Send + Sync + 'static {
             Subject::Mesh(mesh, solid) => self.run_body(job, mesh, solid, monitor),
             Subject::Problem(matrices) => self.run_problem(job, matrices, monitor),
             Subject::Collection(shapes) => self.run_collection(job, shapes, monitor),
+            Subject::ToDivide { mesh, solid, workers, before } => {
+                self.run_to_divide(job, mesh, solid, (workers, before), monitor)
+            }
+            Subject::Parts { mesh, solid, parts } => self.run_parts(job, mesh, solid, parts, monitor),
         }
     }
 }
@@ -86,9 +121,11 @@ pub trait Watch: Monitor {
 
 /// What an attempt made.
 #[derive(Debug, Clone)]
-pub struct Outcome {
+pub enum Outcome {
     /// What is to be stored.
-    pub product: Product,
+    Product(Product),
+    /// So many parts, that are to be solved first.
+    Parts(NonZeroUsize),
 }
 
 /// Why an attempt made nothing.

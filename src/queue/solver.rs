@@ -1,16 +1,20 @@
 //! The runner of the service: reads a job's parameters and does its work.
 
+use std::num::NonZeroUsize;
 use std::sync::Arc;
 
 use chladni_base::Monitor;
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::analysis::map_collection::Shape;
+use chladni_spectral::basis::{PARTS, StoredPart};
+use chladni_spectral::formats::{FormatError, npz};
+use chladni_spectral::spectrum::hsim::parts::PartError;
 use chladni_spectral::spectrum::pencil::Matrices;
 use chladni_work::packed::Packed;
-use chladni_work::{JobError, JobParameters};
+use chladni_work::{JobError, JobParameters, PartJob};
 
 use super::{JobFailure, Outcome, Runner, Watch};
-use crate::store::{CollectedShape, JobRecord};
+use crate::store::{CollectedShape, JobRecord, PartSource};
 
 /// Runs every kind of job that the room `job` knows.
 #[derive(Debug, Clone, Copy, Default)]
@@ -43,7 +47,72 @@ impl Runner for Solver {
         };
         let mut product = parameters.run_problem(&matrices, monitor).map_err(failure)?.product;
         product.describe(serde_json::Map::from_iter([("pencil".to_owned(), job.mesh.clone().into())]));
-        Ok(Outcome { product })
+        Ok(Outcome::Product(product))
+    }
+
+    fn run_to_divide(
+        &self,
+        job: &JobRecord,
+        mesh: Arc<TriangleMesh>,
+        solid: Option<Arc<TetMesh>>,
+        (workers, before): (usize, usize),
+        monitor: &dyn Watch,
+    ) -> Result<Outcome, JobFailure> {
+        let (parameters, solid) = (parameters(job)?, solid.as_deref());
+        let plan = parameters.plan_parts(&mesh, solid, workers, NonZeroUsize::new(before), monitor).map_err(failure)?;
+        match plan {
+            Ok(Some(parts)) => Ok(Outcome::Parts(parts)),
+            Ok(None) => solve(job, &mesh, solid, monitor),
+            Err(reason) => whole(job, &parameters, (&mesh, solid), &reason, monitor),
+        }
+    }
+
+    fn run_parts(
+        &self,
+        job: &JobRecord,
+        mesh: Arc<TriangleMesh>,
+        solid: Option<Arc<TetMesh>>,
+        parts: Arc<dyn PartSource>,
+        monitor: &dyn Watch,
+    ) -> Result<Outcome, JobFailure> {
+        let none = || JobFailure::Failed {
+            kind: "invalid-parameters".to_owned(),
+            detail: "there are no parts to join".to_owned(),
+            retryable: false,
+        };
+        let count = NonZeroUsize::new(parts.count()).ok_or_else(none)?;
+        let (parameters, solid) = (parameters(job)?, solid.as_deref());
+        let mut about = Vec::new();
+        let mut next = |number: usize| {
+            let mut bytes = Vec::new();
+            if let Err(error) = parts.copy(number, &mut bytes) {
+                tracing::warn!(%error, "a part could not be read");
+                return Err(PartError::Missing { number: number + 1, parts: count.get() });
+            }
+            let damaged = |error: FormatError| PartError::Damaged { number: number + 1, reason: error.to_string() };
+            let (part, told) = npz::read_part(&bytes).map_err(damaged)?;
+            about.push(told);
+            Ok(part)
+        };
+        let of = (count, job.solver_version.as_str());
+        let joined = parameters.join_parts_as(&mesh, solid, of, &mut next, monitor);
+        let mut product = match joined {
+            Ok(outcome) => outcome.product,
+            // What is stored is what was stored: another attempt would meet the same.
+            Err(JobError::Parts(error)) if !matches!(error, PartError::Missing { .. }) => {
+                return whole(job, &parameters, (&mesh, solid), &error.to_string(), monitor);
+            }
+            Err(JobError::Parts(error)) => {
+                let (kind, detail) = (error.kind().to_owned(), error.to_string());
+                return Err(JobFailure::Failed { kind, detail, retryable: true });
+            }
+            Err(error) => return Err(failure(error)),
+        };
+        product.describe(serde_json::Map::from_iter([
+            ("mesh".to_owned(), job.mesh.clone().into()),
+            (PARTS.to_owned(), about.into()),
+        ]));
+        Ok(Outcome::Product(product))
     }
 
     fn run_collection(
@@ -63,7 +132,7 @@ impl Runner for Solver {
             ("bases".to_owned(), bases.into()),
             ("meshes".to_owned(), meshes.into()),
         ]));
-        Ok(Outcome { product })
+        Ok(Outcome::Product(product))
     }
 }
 
@@ -78,15 +147,56 @@ fn parameters(job: &JobRecord) -> Result<JobParameters, JobFailure> {
     JobParameters::read_any(&job.kind, &Packed::from(&job.parameters)).map_err(JobError::from).map_err(failure)
 }
 
+/// Does a job in one piece that was to be divided.
+fn whole(
+    job: &JobRecord,
+    parameters: &JobParameters,
+    (mesh, solid): (&TriangleMesh, Option<&TetMesh>),
+    reason: &str,
+    monitor: &dyn Monitor,
+) -> Result<Outcome, JobFailure> {
+    let mut product = parameters.run_whole(mesh, solid, reason, monitor).map_err(failure)?.product;
+    product.describe(serde_json::Map::from_iter([("mesh".to_owned(), job.mesh.clone().into())]));
+    Ok(Outcome::Product(product))
+}
+
+/// Solves a part of another job.
+fn solve_part(
+    job: &JobRecord,
+    mesh: &TriangleMesh,
+    solid: Option<&TetMesh>,
+    monitor: &dyn Monitor,
+) -> Result<Outcome, JobFailure> {
+    let PartJob { whole, number, parts } = PartJob::read(&job.parameters).map_err(JobError::from).map_err(failure)?;
+    let made = whole.solve_part_as(mesh, solid, (number, parts), &job.solver_version, monitor).map_err(failure)?;
+    let slices = made.part.slices.as_deref().unwrap_or_default();
+    let about = serde_json::json!({
+        "part": number + 1,
+        "pairs": slices.iter().map(|slice| slice.values.len()).sum::<usize>(),
+        "seconds": made.seconds.iter().map(|(_, seconds)| seconds).sum::<f64>(),
+        "threads": rayon::current_num_threads(),
+    });
+    let unwritten = |error: FormatError| JobFailure::Failed {
+        kind: "storage-unavailable".to_owned(),
+        detail: format!("the part could not be encoded: {error}"),
+        retryable: true,
+    };
+    monitor.stage("encode");
+    Ok(Outcome::Product(StoredPart::new(&made.part, about).map_err(unwritten)?.into()))
+}
+
 fn solve(
     job: &JobRecord,
     mesh: &TriangleMesh,
     solid: Option<&TetMesh>,
     monitor: &dyn Monitor,
 ) -> Result<Outcome, JobFailure> {
+    if job.is_part() {
+        return solve_part(job, mesh, solid, monitor);
+    }
     let mut product = parameters(job)?.run_body(mesh, solid, monitor).map_err(failure)?.product;
     product.describe(serde_json::Map::from_iter([("mesh".to_owned(), job.mesh.clone().into())]));
-    Ok(Outcome { product })
+    Ok(Outcome::Product(product))
 }
 
 /// Numerical work is deterministic: another attempt at the same input would fail in the same way, unless that could not be read.

@@ -36,7 +36,7 @@ where
 }
 
 fn outcome() -> Outcome {
-    Outcome { product: basis(2.0, 40).into() }
+    Outcome::Product(basis(2.0, 40).into())
 }
 
 /// Goes through two stages with checkpoints.

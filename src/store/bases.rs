@@ -6,7 +6,9 @@ use bytes::Bytes;
 use chladni_mesh::numbering::Numbering;
 use chladni_spectral::basis::family::FamilyBasis;
 use chladni_spectral::basis::modal::ModalBasis;
-use chladni_spectral::basis::{Basis, Product, ProductKind, StoredFields, StoredMaps, Summary};
+use chladni_spectral::basis::{
+    Basis, EIGENBASIS_PART, Product, ProductKind, StoredFields, StoredMaps, StoredPart, Summary,
+};
 use chladni_spectral::formats::FormatError;
 use uuid::Uuid;
 
@@ -23,12 +25,12 @@ use super::{
 };
 
 impl Store {
-    /// A basis by its identifier.
+    /// A basis by its identifier. What a part of another job made is none.
     ///
     /// # Errors
     /// [`StoreError::NotFound`].
     pub async fn basis(&self, id: Uuid) -> Result<BasisRecord, StoreError> {
-        sql::query("SELECT * FROM bases WHERE id = ?")
+        sql::query("SELECT * FROM bases WHERE id = ? AND kind <> 'eigenbasis_part'")
             .bind(id.to_string())
             .fetch_optional(self.inner.catalog.reader())
             .await?
@@ -42,7 +44,11 @@ impl Store {
     /// [`StoreError::InvalidCursor`].
     pub async fn bases(&self, filter: &BasisFilter, page: &PageRequest) -> Result<Page<BasisRecord>, StoreError> {
         let list = Listing::new(&self.inner.catalog, "SELECT * FROM bases WHERE sequence < ", page)?;
-        list.with("mesh", filter.mesh.as_deref()).with("kind", filter.kind.as_deref()).read(basis_from_row).await
+        list.with("mesh", filter.mesh.as_deref())
+            .with("kind", filter.kind.as_deref())
+            .without("kind", Some(EIGENBASIS_PART))
+            .read(basis_from_row)
+            .await
     }
 
     /// Deletes a basis, and the fields that were designed in it. The job that made it stays on record without it; equal work is done anew when it is
@@ -252,7 +258,11 @@ impl Store {
             Err(other) => other,
         };
         let shared = product.clone();
-        let content = blobs::blocking(move || encode(&shared, numbering.as_deref())).await??;
+        let content = match shared {
+            // It is encoded already.
+            Product::EigenbasisPart(part) => Bytes::from_owner(PartContent(part)),
+            shared => blobs::blocking(move || encode(&shared, numbering.as_deref())).await??,
+        };
         let hash = blobs::hash_of(&content).await?;
         self.patiently(|| Box::pin(self.put_blob(&hash, &content))).await?;
         let bytes = content.len() as u64;
@@ -318,6 +328,10 @@ impl WrittenBasis {
 
     /// Puts the basis into the cache: whoever waited for the job asks for it next.
     pub fn remember(&self, store: &Store, id: Uuid) {
+        // A part is read once, by who joins it.
+        if matches!(self.product, Product::EigenbasisPart(_)) {
+            return;
+        }
         let bytes = match &self.storage {
             BasisStorage::Compact => self.bytes,
             BasisStorage::Dense(layout) => self.bytes - (layout.end - layout.start),
@@ -364,6 +378,15 @@ fn basis_from_row(row: &Row) -> Result<BasisRecord, StoreError> {
         created_ms: row.try_get("created_ms")?,
         stage_seconds: from_json("stage_seconds", row.try_get("stage_seconds")?)?,
     })
+}
+
+/// The bytes of a part, without a copy.
+struct PartContent(Arc<StoredPart>);
+
+impl AsRef<[u8]> for PartContent {
+    fn as_ref(&self) -> &[u8] {
+        self.0.content()
+    }
 }
 
 fn encode(product: &Product, numbering: Option<&Numbering>) -> Result<Bytes, StoreError> {

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use chladni_spectral::basis::{EIGENBASIS_PART, ProductKind};
 use uuid::Uuid;
 
 use super::{
@@ -11,6 +12,7 @@ use super::{
     from_json,
     jobs::{self, job_from_row},
     leases::expiry,
+    parts::PARTS_HAVE_ENDED,
     sql::QueryBuilder,
 };
 
@@ -162,9 +164,12 @@ fn push_next(query: &mut QueryBuilder, kinds: &[String], now_ms: i64, shared: Op
             }
         }
     }
+    query.push(" AND ").push(PARTS_HAVE_ENDED);
     if !kinds.is_empty() {
         query.push(" AND kind IN (");
-        for (place, kind) in kinds.iter().enumerate() {
+        // Who solves eigenproblems solves their parts.
+        let parts = kinds.iter().any(|kind| kind == ProductKind::Eigenbasis.name()).then_some(EIGENBASIS_PART);
+        for (place, kind) in kinds.iter().map(String::as_str).chain(parts).enumerate() {
             query.push(if place == 0 { "" } else { ", " }).push_bind(kind);
         }
         query.push(")");

@@ -344,7 +344,7 @@ pub(super) async fn a_locked_database_is_busy_and_loses_nothing() {
 
 #[test]
 pub(super) fn faults_are_read_and_refused() {
-    for point in fault::FailPoint::ALL {
+    for point in fault::FailPoint::ALL.into_iter().chain(fault::FailPoint::OF_DIVISION) {
         assert!(Faults::parse(&format!("{}:kill", point.name())).is_ok());
     }
     assert!(Faults::parse("mid-run:panic:100").is_ok());

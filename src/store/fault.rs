@@ -26,10 +26,14 @@ pub enum FailPoint {
     BeforeComplete,
     /// The basis is visible and the job succeeded.
     AfterComplete,
+    /// The transaction that divides a job into parts is written, not committed.
+    BeforeDivide,
+    /// The job waits for its parts; nobody has heard of them.
+    AfterDivide,
 }
 
 impl FailPoint {
-    /// Every point.
+    /// Every point that any job meets.
     pub const ALL: [Self; 9] = [
         Self::AfterEnqueue,
         Self::AfterClaim,
@@ -41,6 +45,8 @@ impl FailPoint {
         Self::BeforeComplete,
         Self::AfterComplete,
     ];
+    /// Those that jobs meet which are divided.
+    pub const OF_DIVISION: [Self; 2] = [Self::BeforeDivide, Self::AfterDivide];
 
     /// The name that a specification uses.
     pub fn name(self) -> &'static str {
@@ -54,6 +60,8 @@ impl FailPoint {
             Self::AfterBlobReady => "after-blob-ready",
             Self::BeforeComplete => "before-complete",
             Self::AfterComplete => "after-complete",
+            Self::BeforeDivide => "before-divide",
+            Self::AfterDivide => "after-divide",
         }
     }
 }
@@ -115,7 +123,8 @@ impl Faults {
         let invalid = || InvalidFault(specification.to_owned());
         let mut words = specification.split(':');
         let point = words.next().unwrap_or_default();
-        let point = FailPoint::ALL.into_iter().find(|p| p.name() == point).ok_or_else(invalid)?;
+        let point =
+            FailPoint::ALL.into_iter().chain(FailPoint::OF_DIVISION).find(|p| p.name() == point).ok_or_else(invalid)?;
         let action = match words.next() {
             Some("kill") => FaultAction::Kill,
             Some("abort") => FaultAction::Abort,

@@ -1,5 +1,6 @@
 //! Jobs as clients see them: enqueue, read, list, cancel, retry, delete.
 
+use chladni_spectral::basis::EIGENBASIS_PART;
 use uuid::Uuid;
 
 use super::{
@@ -10,13 +11,14 @@ use super::{
     fields::{self, Of},
     from_json, job_bases,
     page::Listing,
+    parts::{self, PARTS_HAVE_ENDED},
     sources::SourceKind,
     sql::{self, Row},
     to_json,
 };
 
 /// So often a request that races with equal ones of other processes is looked at anew.
-const MOST_RACES: usize = 20;
+pub(super) const MOST_RACES: usize = 20;
 /// For so long a repeated request with the same idempotency key is answered with the job of the first.
 const KEY_LIFE_MS: i64 = 7 * 24 * 3600 * 1000;
 
@@ -24,9 +26,14 @@ const KEY_LIFE_MS: i64 = 7 * 24 * 3600 * 1000;
 macro_rules! columns {
     () => {
         "jobs.sequence AS sequence, id, kind, mesh, priority, status, stage, progress, detail, stage_seconds, attempt, max_attempts, cancel_requested, basis, problem,
-            work_key, solver_version, created_ms, enqueued_ms, not_before_ms, started_ms, finished_ms, memory_bytes, revision, deaths, interruptions,
+            work_key, solver_version, created_ms, enqueued_ms, not_before_ms, started_ms, finished_ms, memory_bytes, revision, deaths, interruptions, parts,
             (SELECT shown FROM job_parameters WHERE job_parameters.job = jobs.id) AS parameters,
-            (SELECT string_agg(basis, ',' ORDER BY place) FROM job_bases WHERE job_bases.job = jobs.id) AS bases"
+            (SELECT string_agg(basis, ',' ORDER BY place) FROM job_bases WHERE job_bases.job = jobs.id) AS bases,
+            CASE WHEN parts = 0 THEN 0 WHEN status = 'succeeded' THEN parts ELSE
+                (SELECT COUNT(*) FROM job_parts JOIN jobs AS pieces ON pieces.id = job_parts.part WHERE job_parts.job = jobs.id
+                    AND pieces.status = 'succeeded' AND pieces.basis IS NOT NULL) END AS parts_done,
+            CASE WHEN kind = 'eigenbasis_part' THEN
+                (SELECT MIN(job_parts.job) FROM job_parts WHERE job_parts.part = jobs.id) END AS parent"
     };
 }
 
@@ -186,6 +193,16 @@ impl Store {
             return Err(StoreError::JobTooLarge { needed: new.memory_bytes, limit: new.most_bytes });
         }
         self.check_queue(on).await?;
+        self.insert_row(on, new, now_ms).await
+    }
+
+    /// Makes a job that nothing speaks against.
+    pub(super) async fn insert_row(
+        &self,
+        on: &mut Transaction,
+        new: &NewJob,
+        now_ms: i64,
+    ) -> Result<Option<JobRecord>, StoreError> {
         let id = Uuid::now_v7();
         let inserted = sql::query(
             "INSERT INTO jobs (id, kind, mesh, priority, status, max_attempts, work_key, solver_version,
@@ -254,15 +271,19 @@ impl Store {
         text.map_or_else(|| Err(unknown_job(id)), |text| from_json("parameters", &text))
     }
 
-    /// A page of jobs, newest first.
+    /// A page of jobs, newest first. Parts of others are among them only where these are asked for.
     ///
     /// # Errors
     /// [`StoreError::InvalidCursor`].
     pub async fn jobs(&self, filter: &JobFilter, page: &PageRequest) -> Result<Page<JobRecord>, StoreError> {
         let list = Listing::new(&self.inner.catalog, select!("WHERE sequence < "), page)?;
+        let parent = filter.parent.map(|parent| parent.to_string());
+        let parts = filter.parent.is_some() || filter.kind.as_deref() == Some(EIGENBASIS_PART);
         list.with("status", filter.status.map(JobStatus::as_str))
             .with("kind", filter.kind.as_deref())
             .with("mesh", filter.mesh.as_deref())
+            .among("id", "SELECT part FROM job_parts WHERE job", parent.as_deref())
+            .without("kind", (!parts).then_some(EIGENBASIS_PART))
             .read(job_from_row)
             .await
     }
@@ -280,22 +301,23 @@ impl Store {
             .collect()
     }
 
-    /// Since when the job waits that waits for longest, of those that may run, in milliseconds since 1970.
+    /// Since when the job waits that waits for longest, of those that may run, in milliseconds since 1970. One that waits for its parts may not.
     ///
     /// # Errors
     /// [`StoreError::Unavailable`] and its kin.
     pub async fn oldest_waiting_ms(&self) -> Result<Option<i64>, StoreError> {
-        let since = sql::query_scalar(
+        let text = format!(
             "SELECT MIN(CASE WHEN not_before_ms > enqueued_ms THEN not_before_ms ELSE enqueued_ms END) FROM jobs
-             WHERE status = 'enqueued' AND not_before_ms <= ?",
+             WHERE status = 'enqueued' AND not_before_ms <= ? AND {PARTS_HAVE_ENDED}"
         );
+        let since = sql::query_scalar(sqlx::AssertSqlSafe(text));
         Ok(since.bind(self.now_ms()).fetch_one(self.inner.catalog.reader()).await?)
     }
 
     /// Cancels a job: an enqueued one at once, a running one at its next checkpoint. Asking twice changes nothing.
     ///
     /// # Errors
-    /// [`StoreError::NotFound`]; [`StoreError::JobState`] where it has succeeded or failed.
+    /// [`StoreError::NotFound`]; [`StoreError::JobState`] where it has succeeded or failed, or is a part of another.
     pub async fn cancel_job(&self, id: Uuid) -> Result<JobRecord, StoreError> {
         let store = self.clone();
         detached(async move { store.cancel_job_now(id).await }).await
@@ -309,10 +331,11 @@ impl Store {
                 finished_ms = CASE status WHEN 'enqueued' THEN ?1 ELSE finished_ms END,
                 cancel_requested = CASE status WHEN 'enqueued' THEN 0 ELSE 1 END,
                 revision = revision + 1
-             WHERE id = ?2 AND (status = 'enqueued' OR (status = 'processing' AND cancel_requested = 0))"
+             WHERE id = ?2 AND kind <> ?3 AND (status = 'enqueued' OR (status = 'processing' AND cancel_requested = 0))"
         ))
         .bind(self.now_ms())
         .bind(id.to_string())
+        .bind(EIGENBASIS_PART)
         .fetch_optional(transaction.on())
         .await?;
         transaction.commit().await?;
@@ -322,6 +345,7 @@ impl Store {
             return Ok(job);
         }
         let job = self.job(id).await?;
+        parts::refuse_part(&job)?;
         match job.status {
             JobStatus::Succeeded | JobStatus::Failed => Err(StoreError::JobState {
                 job: id,
@@ -341,7 +365,9 @@ impl Store {
     pub async fn retry_job(&self, id: Uuid) -> Result<JobRecord, StoreError> {
         let store = self.clone();
         detached(async move {
-            let redo = match store.job(id).await?.basis {
+            let job = store.job(id).await?;
+            parts::refuse_part(&job)?;
+            let redo = match job.basis {
                 Some(basis) => !store.basis_is_whole(basis).await?,
                 None => false,
             };
@@ -396,6 +422,7 @@ impl Store {
         require_source(on, &job.kind, &job.mesh).await?;
         job_bases::require(on, &job.bases).await?;
         self.check_queue(on).await?;
+        parts::forget_broken(on, id).await?;
         let row = sql::query(returning!(
             "UPDATE jobs SET status = 'enqueued', attempt = 0, cancel_requested = 0, problem = NULL, basis = NULL, deaths = 0,
                 interruptions = 0, stage = NULL,
@@ -422,6 +449,7 @@ impl Store {
 
     async fn delete_job_now(&self, id: Uuid, cascade: bool) -> Result<(), StoreError> {
         let _alone = self.inner.blob_use.write().await;
+        parts::refuse_part(&self.job(id).await?)?;
         let mut transaction = self.inner.catalog.write().await?;
         let basis = match self.take_job(&mut transaction, id, cascade).await {
             Ok(basis) => basis,
@@ -431,13 +459,14 @@ impl Store {
             }
         };
         transaction.commit().await?;
+        self.parts_changed();
         let Some((basis, hashes)) = basis else { return Ok(()) };
         hashes.first().into_iter().for_each(|hash| self.forget_basis(basis, hash));
         self.delete_unreferenced(&hashes).await
     }
 
     /// Deletes the rows of a job, and gives the basis that went with it: its content, and that of the fields designed in it.
-    async fn take_job(
+    pub(super) async fn take_job(
         &self,
         on: &mut Transaction,
         id: Uuid,
@@ -512,6 +541,7 @@ fn unknown_job(id: Uuid) -> StoreError {
 pub(super) fn job_from_row(row: &Row) -> Result<JobRecord, StoreError> {
     let basis: Option<&str> = row.try_get("basis")?;
     let problem: Option<&str> = row.try_get("problem")?;
+    let parent: Option<&str> = row.try_get("parent")?;
     Ok(JobRecord {
         id: uuid_column(row, "id")?,
         kind: row.try_get("kind")?,
@@ -537,6 +567,9 @@ pub(super) fn job_from_row(row: &Row) -> Result<JobRecord, StoreError> {
         started_ms: row.try_get("started_ms")?,
         finished_ms: row.try_get("finished_ms")?,
         memory_bytes: row.try_get::<i64, _>("memory_bytes")? as u64,
+        parts: row.try_get::<i64, _>("parts")? as u32,
+        parts_done: row.try_get::<i64, _>("parts_done")? as u32,
+        parent: parent.map(|text| uuid(text, "parent")).transpose()?,
         revision: row.try_get("revision")?,
     })
 }

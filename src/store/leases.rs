@@ -400,7 +400,7 @@ pub(super) fn expiry(now_ms: i64, lease: Duration) -> i64 {
     now_ms.saturating_add(i64::try_from(lease.as_millis()).unwrap_or(i64::MAX))
 }
 
-async fn leased_job(on: &mut Transaction, token: Uuid) -> Result<Option<JobRecord>, StoreError> {
+pub(super) async fn leased_job(on: &mut Transaction, token: Uuid) -> Result<Option<JobRecord>, StoreError> {
     leased_row(on, token).await?.map(|row| job_from_row(&row)).transpose()
 }
 

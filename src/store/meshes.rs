@@ -158,7 +158,7 @@ impl Store {
                     (SELECT id FROM jobs WHERE ",
             job_bases::on_mesh!(),
             " AND status IN ('enqueued', 'processing') ORDER BY sequence LIMIT 1) AS job,
-                    (SELECT COUNT(*) FROM bases WHERE mesh = ?1) AS bases, (SELECT COUNT(*) FROM fields WHERE mesh = ?1) AS fields",
+                    (SELECT COUNT(*) FROM bases WHERE mesh = ?1 AND kind <> 'eigenbasis_part') AS bases, (SELECT COUNT(*) FROM fields WHERE mesh = ?1) AS fields",
         ))
         .bind(id)
         .fetch_one(transaction.on())

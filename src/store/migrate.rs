@@ -20,11 +20,12 @@ const ROWS: i64 = 20;
 const CHUNKS: usize = 32;
 
 /// What is copied: the table, the column that orders it, that by which a row is known, and whether it refers to content. Each refers to those before.
-const TABLES: [(&str, &str, &str, bool); 7] = [
+const TABLES: [(&str, &str, &str, bool); 8] = [
     ("meshes", "sequence", "id", true),
     ("jobs", "sequence", "id", false),
     ("job_parameters", "job", "job", false),
     ("job_bases", "id", "id", false),
+    ("job_parts", "id", "id", false),
     ("bases", "sequence", "id", true),
     ("fields", "sequence", "id", true),
     ("idempotency_keys", "idempotency_key", "idempotency_key", false),

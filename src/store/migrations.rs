@@ -23,6 +23,7 @@ const META: &[(&str, &str)] = &[
     ("0010_job_parameters", include_str!("../../migrations/meta/0010_job_parameters.sql")),
     ("0011_fields", include_str!("../../migrations/meta/0011_fields.sql")),
     ("0012_job_bases", include_str!("../../migrations/meta/0012_job_bases.sql")),
+    ("0013_job_parts", include_str!("../../migrations/meta/0013_job_parts.sql")),
 ];
 
 /// The steps of `blobs.db`.
@@ -39,6 +40,7 @@ const POSTGRES: &[(&str, &str)] = &[
     ("0002_job_parameters", include_str!("../../migrations/postgres/0002_job_parameters.sql")),
     ("0003_fields", include_str!("../../migrations/postgres/0003_fields.sql")),
     ("0004_job_bases", include_str!("../../migrations/postgres/0004_job_bases.sql")),
+    ("0005_job_parts", include_str!("../../migrations/postgres/0005_job_parts.sql")),
 ];
 
 /// Makes the tables of a shared database, one process after the other where several start at once.

@@ -18,6 +18,7 @@
 //! | `backup.rs`, `restore.rs` | copies of a folder in use, and folders made of them |
 //! | `integrity.rs`, `doctor.rs` | whether content is what was stored, and what is done where it is not |
 //! | `meshes.rs`, `problems.rs`, `bases.rs`, `fields.rs`, `jobs.rs` | what clients see |
+//! | `parts.rs`, `part_source.rs` | one job in parts, which are jobs as well; what they made, for who joins it |
 //! | `job_bases.rs` | the bases that a job works on, and that stay for as long |
 //! | `sources.rs`, `collection.rs` | what meshes and problems have in common; several shapes of one job |
 //! | `last_use.rs`, `retention.rs`, `space.rs` | what is kept, and for how long; room, and how it comes back |
@@ -64,6 +65,8 @@ mod objects;
 mod orphans;
 mod page;
 mod pairing;
+mod part_source;
+mod parts;
 mod piece_writer;
 #[cfg(feature = "cluster")]
 mod postgres;
@@ -112,6 +115,8 @@ pub use leases::{CompleteAnswer, FailAnswer, HeartbeatAnswer, Progress, Reaped};
 #[cfg(feature = "cluster")]
 pub use migrate::{Migrated, MigrationError};
 pub use page::{Page, PageRequest};
+pub use part_source::PartSource;
+pub use parts::{DivideAnswer, MadePart, NewPart, PartRecord};
 pub use records::{
     BasisFilter, BasisRecord, BasisStorage, CacheStatistics, EnqueueOutcome, Enqueued, FieldFilter, FieldRecord,
     IdempotencyKey, JobEvent, JobFilter, JobProblem, JobRecord, JobStatus, MeshRecord, NewField, NewJob, NewMesh,
@@ -222,6 +227,7 @@ struct Inner {
     hearing: std::sync::OnceLock<hearing::Hearing>,
     events: broadcast::Sender<JobEvent>,
     work: Notify,
+    parts: Notify,
     fleet: fleet::Fleet,
     #[cfg(feature = "cluster")]
     room: shortcuts::Room,
@@ -330,6 +336,7 @@ impl Store {
                 hearing: std::sync::OnceLock::new(),
                 events: broadcast::channel(EVENTS_KEPT).0,
                 work: Notify::new(),
+                parts: Notify::new(),
                 fleet: fleet::Fleet::default(),
                 #[cfg(feature = "cluster")]
                 room: shortcuts::Room::default(),
@@ -501,6 +508,15 @@ impl Store {
         &self.inner.work
     }
 
+    /// Rings where a part has changed, or a job that was divided: then [`tend_parts`](Self::tend_parts) may have something to do.
+    pub fn parts(&self) -> &Notify {
+        &self.inner.parts
+    }
+
+    fn parts_changed(&self) {
+        self.inner.parts.notify_one();
+    }
+
     /// The faults that a test armed.
     pub fn faults(&self) -> &fault::Faults {
         &self.inner.options.faults
@@ -513,6 +529,10 @@ impl Store {
 
     /// Tells listeners about a job, after the commit.
     fn announce(&self, job: &JobRecord) {
+        // Parts that wait or run have nothing to tell.
+        if job.parts > 0 || (job.is_part() && job.status.is_finished()) {
+            self.parts_changed();
+        }
         self.announce_event(JobEvent {
             job: job.id,
             revision: job.revision,

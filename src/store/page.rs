@@ -64,6 +64,22 @@ impl<'a> Listing<'a> {
         self
     }
 
+    /// Only rows whose column has another value, where there is one to leave out.
+    pub fn without(mut self, column: &'static str, value: Option<&str>) -> Self {
+        if let Some(value) = value {
+            self.query.push(" AND ").push(column).push(" <> ").push_bind(value);
+        }
+        self
+    }
+
+    /// Only rows whose column is among what a selection gives that ends in a column with this value, where there is one to filter by.
+    pub fn among(mut self, column: &'static str, selection: &'static str, value: Option<&str>) -> Self {
+        if let Some(value) = value {
+            self.query.push(" AND ").push(column).push(" IN (").push(selection).push(" = ").push_bind(value).push(")");
+        }
+        self
+    }
+
     /// Only rows whose name contains a text, where there is one. Letters of ASCII are alike in both cases.
     pub fn named(mut self, part: Option<&str>) -> Self {
         if let Some(part) = part {

@@ -328,6 +328,15 @@ pub struct JobRecord {
     pub finished_ms: Option<i64>,
     /// An estimate of the memory that it needs while it runs.
     pub memory_bytes: u64,
+    /// Into how many parts it is divided, or was; 0 where it is not.
+    #[serde(default)]
+    pub parts: u32,
+    /// How many of these are done.
+    #[serde(default)]
+    pub parts_done: u32,
+    /// Of a part, the job that it is a part of: the first, where there are several.
+    #[serde(default)]
+    pub parent: Option<Uuid>,
     /// Grows with every change of the job.
     pub revision: i64,
 }
@@ -370,6 +379,8 @@ pub struct JobFilter {
     pub kind: Option<String>,
     /// Only those on this mesh.
     pub mesh: Option<String>,
+    /// Only the parts of this job.
+    pub parent: Option<Uuid>,
 }
 
 /// Which bases a list holds; `None` does not filter.

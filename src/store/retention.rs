@@ -43,8 +43,8 @@ const LOOK_MS: i64 = 60 * 1000;
 /// Deletions of one look and one bound, so that writers get their turn.
 const AT_ONCE: i64 = 100;
 
-/// Bases that no unfinished job makes anew or needs.
-const FREE_BASES: &str = "FROM bases WHERE NOT EXISTS
+/// Bases that no unfinished job makes anew or needs. What parts make goes with the jobs that they are parts of.
+const FREE_BASES: &str = "FROM bases WHERE bases.kind <> 'eigenbasis_part' AND NOT EXISTS
     (SELECT 1 FROM jobs WHERE jobs.id = bases.job AND jobs.status IN ('enqueued', 'processing'))
     AND NOT EXISTS (SELECT 1 FROM job_bases JOIN jobs ON jobs.id = job_bases.job
         WHERE job_bases.basis = bases.id AND jobs.status IN ('enqueued', 'processing'))";
@@ -55,7 +55,8 @@ const FREE_MESHES: &str = "FROM meshes WHERE NOT EXISTS (SELECT 1 FROM bases WHE
     AND NOT EXISTS (SELECT 1 FROM fields WHERE fields.mesh = meshes.id)
     AND NOT EXISTS (SELECT 1 FROM jobs WHERE jobs.mesh = meshes.id AND jobs.status IN ('enqueued', 'processing'))";
 /// Ended jobs without a basis.
-const FREE_JOBS: &str = "FROM jobs WHERE status IN ('succeeded', 'failed', 'canceled')
+const FREE_JOBS: &str =
+    "FROM jobs WHERE status IN ('succeeded', 'failed', 'canceled') AND jobs.kind <> 'eigenbasis_part'
     AND NOT EXISTS (SELECT 1 FROM bases WHERE bases.job = jobs.id)";
 
 impl Store {

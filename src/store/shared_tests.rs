@@ -134,12 +134,20 @@ both!(
         the_queue_has_an_end,
         a_caller_that_goes_away_breaks_nothing,
         any_walk_through_the_calls_keeps_the_invariants;
+    jobs_in_parts: a_job_waits_for_its_parts_without_a_worker,
+        equal_parts_are_solved_once_and_stay_while_a_job_needs_them,
+        a_part_that_is_given_up_ends_its_job_and_a_retry_finds_the_others,
+        parts_go_with_their_job_and_what_they_made_with_them,
+        parts_are_shown_where_they_are_asked_for_and_go_with_their_job_alone,
+        who_has_lost_a_job_does_not_divide_it,
+        any_walk_with_parts_ends_and_leaves_nothing_behind;
 );
 
 #[test]
 fn every_test_of_the_store_is_one_of_both_or_of_a_folder() {
     let mut names: Vec<&str> = Vec::new();
-    let mut lines = [include_str!("content_tests.rs"), include_str!("job_tests.rs")].into_iter().flat_map(str::lines);
+    let files = [include_str!("content_tests.rs"), include_str!("job_tests.rs"), include_str!("parts_tests.rs")];
+    let mut lines = files.into_iter().flat_map(str::lines);
     while let Some(line) = lines.next() {
         if line.starts_with("#[tokio::test") || line == "#[test]" {
             let line = lines.next().unwrap();
@@ -172,7 +180,9 @@ async fn columns() {
     let store = Store::open(options(&folder)).await.unwrap();
     let other = tempfile::tempdir().unwrap();
     let own = Store::open(StoreOptions { shared: None, ..options(&other) }).await.unwrap();
-    for table in ["meshes", "jobs", "job_parameters", "job_bases", "idempotency_keys", "bases", "fields", "health"] {
+    for table in
+        ["meshes", "jobs", "job_parameters", "job_bases", "job_parts", "idempotency_keys", "bases", "fields", "health"]
+    {
         let theirs = sql::query(
             "SELECT column_name, data_type, CAST(CASE WHEN is_nullable = 'YES' THEN 0 ELSE 1 END AS BIGINT) AS needed
              FROM information_schema.columns WHERE table_name = ? ORDER BY column_name",

@@ -126,6 +126,9 @@ impl Store {
             started_ms: None,
             finished_ms: None,
             memory_bytes: memory_bytes as u64,
+            parts: 0,
+            parts_done: 0,
+            parent: None,
             revision: 1,
         }))
     }
@@ -143,8 +146,8 @@ impl Store {
         Ok((waiting as u64) < limit)
     }
 
-    /// Marks the job of a lease as succeeded and writes its result down, where the lease holds, nobody has asked the job to stop, and it had no
-    /// result before. `None` where it is otherwise, or the records are not shared: nothing has changed.
+    /// Marks the job of a lease as succeeded and writes its result down, where the lease holds, nobody has asked the job to stop, it had no
+    /// result before, and no other job waits for it or has solved a part of it. `None` where it is otherwise, or the records are not shared: nothing has changed.
     pub(super) async fn make_visible_at_once(
         &self,
         token: Uuid,
@@ -162,7 +165,7 @@ impl Store {
             "WITH done AS (
                 UPDATE jobs SET status = 'succeeded', basis = ?1, stage = NULL, progress = 1, detail = NULL, stage_seconds = ?2, problem = NULL,
                     lease_token = NULL, lease_expires_ms = NULL, finished_ms = ?3, revision = revision + 1
-                WHERE lease_token = ?4 AND status = 'processing' AND cancel_requested = 0
+                WHERE lease_token = ?4 AND status = 'processing' AND cancel_requested = 0 AND parts = 0 AND kind <> 'eigenbasis_part'
                     AND NOT EXISTS (SELECT 1 FROM bases WHERE bases.job = jobs.id)
                 RETURNING id, mesh, solver_version, revision),
              stored AS (",

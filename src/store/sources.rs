@@ -10,7 +10,9 @@ use chladni_spectral::spectrum::pencil::Matrices;
 use serde_json::Value;
 use uuid::Uuid;
 
-use super::{JobRecord, Store, StoreError, blobs, collection, meshes, sql, to_json};
+use super::{
+    JobRecord, PartSource, Store, StoreError, blobs, collection, meshes, part_source::Elsewhere, sql, to_json,
+};
 
 /// Digits of an identifier: 128 bits of the hash of the content.
 pub(super) const ID_DIGITS: usize = 32;
@@ -75,15 +77,47 @@ pub enum Subject {
     Problem(Arc<Matrices>),
     /// The shapes of a collection.
     Collection(Vec<CollectedShape>),
+    /// A mesh, for a job that is to be divided.
+    ToDivide {
+        /// The mesh.
+        mesh: Arc<TriangleMesh>,
+        /// The solid whose surface it is, if it is one.
+        solid: Option<Arc<TetMesh>>,
+        /// How many parts may be solved at once.
+        workers: usize,
+        /// Into how many parts the job was divided before; 0 where it was not.
+        before: usize,
+    },
+    /// A mesh, and the parts of a job that are to be joined.
+    Parts {
+        /// The mesh.
+        mesh: Arc<TriangleMesh>,
+        /// The solid whose surface it is, if it is one.
+        solid: Option<Arc<TetMesh>>,
+        /// What the parts made; not among what is written.
+        parts: Arc<dyn PartSource>,
+    },
 }
 
+/// The head of a mesh whose job is to be divided, or joined, on its way to a process: two numbers follow, and the mesh.
+const TO_DIVIDE: &[u8; 8] = b"CHLDIVI1";
+const TO_JOIN: &[u8; 8] = b"CHLJOIN1";
+
 impl Subject {
-    /// Writes it as the store keeps it, without the numbering of a file.
+    /// Writes it as the store keeps it, without the numbering of a file, and of parts how many there are.
     pub(crate) fn write(&self, out: &mut impl std::io::Write) -> std::io::Result<()> {
         match self {
             Self::Mesh(mesh, solid) => meshes::write_body(mesh, solid.as_deref(), out),
             Self::Problem(matrices) => out.write_all(&problem_bytes(matrices)?),
             Self::Collection(shapes) => collection::write(shapes, out),
+            Self::ToDivide { mesh, solid, workers, before } => {
+                write_numbers(TO_DIVIDE, [*workers, *before], out)?;
+                meshes::write_body(mesh, solid.as_deref(), out)
+            }
+            Self::Parts { mesh, solid, parts } => {
+                write_numbers(TO_JOIN, [parts.count(), 0], out)?;
+                meshes::write_body(mesh, solid.as_deref(), out)
+            }
         }
     }
 
@@ -95,9 +129,28 @@ impl Subject {
         if bytes.starts_with(collection::MAGIC) {
             return collection::read(bytes).map(Self::Collection);
         }
-        let (mesh, solid) = meshes::read_body(bytes)?;
-        Some(Self::Mesh(Arc::new(mesh), solid.map(Arc::new)))
+        let divided = [TO_DIVIDE, TO_JOIN].into_iter().find(|head| bytes.starts_with(*head));
+        let Some(head) = divided else {
+            let (mesh, solid) = meshes::read_body(bytes)?;
+            return Some(Self::Mesh(Arc::new(mesh), solid.map(Arc::new)));
+        };
+        let (numbers, body) = bytes.get(head.len()..)?.split_first_chunk::<16>()?;
+        let (numbers, _) = numbers.as_chunks::<8>();
+        let number = |place: usize| usize::try_from(u64::from_le_bytes(*numbers.get(place)?)).ok();
+        let (first, second) = (number(0)?, number(1)?);
+        let (mesh, solid) = meshes::read_body(body)?;
+        let (mesh, solid) = (Arc::new(mesh), solid.map(Arc::new));
+        Some(if head == TO_DIVIDE {
+            Self::ToDivide { mesh, solid, workers: first, before: second }
+        } else {
+            Self::Parts { mesh, solid, parts: Arc::new(Elsewhere(first)) }
+        })
     }
+}
+
+fn write_numbers(head: &[u8; 8], numbers: [usize; 2], out: &mut impl std::io::Write) -> std::io::Result<()> {
+    out.write_all(head)?;
+    numbers.iter().try_for_each(|&number| out.write_all(&(number as u64).to_le_bytes()))
 }
 
 /// Matrices as the store keeps them: an NPZ file.

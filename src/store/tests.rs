@@ -26,6 +26,9 @@ mod content;
 #[path = "job_tests.rs"]
 mod jobs_and_leases;
 #[cfg(test)]
+#[path = "parts_tests.rs"]
+mod jobs_in_parts;
+#[cfg(test)]
 #[path = "lease_model_tests.rs"]
 mod lease_model;
 #[cfg(test)]

@@ -40,6 +40,7 @@ async fn spectra_of_a_family_follow_its_parameters() {
     let ask = async |body: Value| -> Value { app.post(&url).json(&body).send().await.unwrap().json().await.unwrap() };
     let laplacian = ask(json!({"count": 20})).await;
     assert!(numbers(&laplacian["eigenvalues"])[0].abs() < 1e-6);
+    assert_eq!(laplacian["covered"], 18);
     let both = numbers(&laplacian["eigenvalues"]).into_iter().zip(numbers(&shown["eigenvalues"]));
     assert!(both.into_iter().all(|(a, b)| (a - b).abs() < 1e-9 * (1.0 + b)));
     // A potential that is positive raises every eigenvalue, and twice of it raises them more.
@@ -56,7 +57,7 @@ async fn spectra_of_a_family_follow_its_parameters() {
     let raw = request.header("accept", "application/octet-stream").send().await.unwrap();
     let head = raw.headers().clone();
     assert_eq!(head["chladni-rows"], n.to_string());
-    assert_eq!(head["chladni-columns"], "5");
+    assert_eq!([&head["chladni-columns"], &head["chladni-covered"]], ["5", "5"]);
     let listed: Vec<f64> =
         head["chladni-eigenvalues"].to_str().unwrap().split(' ').map(|value| value.parse().unwrap()).collect();
     assert!((listed[4] / numbers(&extrinsic["eigenvalues"])[4] - 1.0).abs() < 1e-8);

@@ -275,13 +275,11 @@ impl Runner for Scripted {
         }
         let n = mesh.positions.len();
         let parameters = job.parameters.clone();
-        Ok(Outcome {
-            product: if parameters["storage"] == "dense" {
-                unit_basis(n, parameters).into()
-            } else {
-                plain_basis(n, parameters).into()
-            },
-        })
+        Ok(Outcome::Product(if parameters["storage"] == "dense" {
+            unit_basis(n, parameters).into()
+        } else {
+            plain_basis(n, parameters).into()
+        }))
     }
 }
 

@@ -830,7 +830,7 @@ export interface paths {
         };
         /**
          * Lists jobs
-         * @description Newest first. Pages stay stable while new jobs arrive.
+         * @description Newest first. Pages stay stable while new jobs arrive. Jobs that solve parts of others are listed with `parent`.
          */
         get: operations["listJobs"];
         put?: never;
@@ -2592,6 +2592,12 @@ export interface components {
              */
             method?: "auto";
             operator?: components["schemas"]["OperatorKind"] | null;
+            /**
+             * @description Into how many parts a server divides the job, for several workers to solve at once: a number of parts of 64 pairs at least, or `auto`. The job
+             *     waits for its parts without a worker, and joins them. Not divided, unless it is given; the result is the same but for rounding. Of the variant
+             *     `sliced`, on surfaces, stored as columns.
+             */
+            parts?: ("auto" | number) | null;
             precision?: components["schemas"]["Precision"] | null;
             radial?: components["schemas"]["RadialParameters"] | null;
             refinement?: components["schemas"]["Refinement"] | null;
@@ -2682,6 +2688,12 @@ export interface components {
              */
             method?: "auto";
             operator?: components["schemas"]["OperatorKindShown"] | null;
+            /**
+             * @description Into how many parts a server divides the job, for several workers to solve at once: a number of parts of 64 pairs at least, or `auto`. The job
+             *     waits for its parts without a worker, and joins them. Not divided, unless it is given; the result is the same but for rounding. Of the variant
+             *     `sliced`, on surfaces, stored as columns.
+             */
+            parts?: ("auto" | number) | null;
             precision?: components["schemas"]["Precision"] | null;
             radial?: components["schemas"]["RadialParameters"] | null;
             refinement?: components["schemas"]["Refinement"] | null;
@@ -2759,6 +2771,12 @@ export interface components {
              */
             method: "hsim";
             operator?: components["schemas"]["OperatorKind"] | null;
+            /**
+             * @description Into how many parts a server divides the job, for several workers to solve at once: a number of parts of 64 pairs at least, or `auto`. The job
+             *     waits for its parts without a worker, and joins them. Not divided, unless it is given; the result is the same but for rounding. Of the variant
+             *     `sliced`, on surfaces, stored as columns.
+             */
+            parts?: ("auto" | number) | null;
             precision?: components["schemas"]["Precision"] | null;
             /**
              * Format: int64
@@ -2833,6 +2851,12 @@ export interface components {
              */
             method: "hsim";
             operator?: components["schemas"]["OperatorKindShown"] | null;
+            /**
+             * @description Into how many parts a server divides the job, for several workers to solve at once: a number of parts of 64 pairs at least, or `auto`. The job
+             *     waits for its parts without a worker, and joins them. Not divided, unless it is given; the result is the same but for rounding. Of the variant
+             *     `sliced`, on surfaces, stored as columns.
+             */
+            parts?: ("auto" | number) | null;
             precision?: components["schemas"]["Precision"] | null;
             /**
              * Format: int64
@@ -2949,6 +2973,29 @@ export interface components {
             fallbacks?: string[];
             /** @description The graphics card that measured the errors of an approximation, a note for each time, or why it did not; absent where no card had to do with it. */
             measured_on?: string[];
+            /** @description The parts that it was joined of, from the lowest pairs up; absent where it was solved in one piece. */
+            parts?: {
+                /**
+                 * Format: int64
+                 * @description Its pairs, those that it shares with its neighbours included; 0 where it was given up.
+                 */
+                pairs: number;
+                /**
+                 * Format: int64
+                 * @description Which one, from 1.
+                 */
+                part: number;
+                /**
+                 * Format: double
+                 * @description Seconds that it took.
+                 */
+                seconds: number;
+                /**
+                 * Format: int64
+                 * @description Threads that solved it.
+                 */
+                threads: number;
+            }[];
         };
         /** @description A job to be done. Of the kind `eigenbasis`. */
         EigenbasisJobRequest: {
@@ -2990,6 +3037,37 @@ export interface components {
         EigenbasisParameters: components["schemas"]["EigenbasisByAuto"] | components["schemas"]["EigenbasisByApproximation"] | components["schemas"]["EigenbasisByHsim"] | components["schemas"]["EigenbasisBySim"];
         /** @description Every member that some method takes; `None` is what was not given. */
         EigenbasisParametersShown: components["schemas"]["EigenbasisByAutoShown"] | components["schemas"]["EigenbasisByApproximationShown"] | components["schemas"]["EigenbasisByHsimShown"] | components["schemas"]["EigenbasisBySimShown"];
+        /** @description A job. Of the kind `eigenbasis_part`. */
+        EigenbasisPartJobResource: components["schemas"]["JobFacts"] & {
+            /**
+             * @description The kind of job.
+             * @enum {string}
+             */
+            kind: "eigenbasis_part";
+            /** @description The mesh it works on; null where it works on a problem. */
+            mesh: string;
+            parameters: components["schemas"]["EigenbasisPartParametersShown"];
+        } & {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            kind: "eigenbasis_part";
+        };
+        /** @description The parameters of a job that solves a part of another. */
+        EigenbasisPartParametersShown: {
+            /**
+             * Format: int64
+             * @description Of so many.
+             */
+            of: number;
+            parameters: components["schemas"]["EigenbasisParametersShown"];
+            /**
+             * Format: int64
+             * @description Which part, from 1.
+             */
+            part: number;
+        };
         /** @description A cluster of eigenvalues, and the spaces of its functions. */
         EigenspaceAnswer: {
             /** @description The principal angles between its spaces in the two bases, in radians, ascending. */
@@ -4020,6 +4098,21 @@ export interface components {
              * @description An estimate of the memory it needs: jobs that together need more than the server has do not run at once.
              */
             memory_bytes: number;
+            /** @description Of a part, the job that it is a part of; null for others. */
+            parent: string | null;
+            /** @description Of a job that is divided, how many of its parts are done, of all; null where it is not. It waits for them as `enqueued`, in the stage `parts`. */
+            parts: {
+                /**
+                 * Format: int32
+                 * @description How many are done.
+                 */
+                done: number;
+                /**
+                 * Format: int32
+                 * @description Of so many.
+                 */
+                of: number;
+            } | null;
             /**
              * Format: int32
              * @description Higher runs first.
@@ -4058,6 +4151,8 @@ export interface components {
             events: string;
             /** @description Its mesh; null where it has none. */
             mesh: string | null;
+            /** @description The jobs that solve its parts, while it is divided; null where it is not. */
+            parts: string | null;
             /** @description Its problem, of the kind `pencil_basis`; null for others. */
             pencil: string | null;
             /** @description The job itself. */
@@ -4100,6 +4195,7 @@ export interface components {
          *         "basis": null,
          *         "events": "/v1/jobs/019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2/events",
          *         "mesh": "/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3",
+         *         "parts": null,
          *         "pencil": null,
          *         "self": "/v1/jobs/019aa5d0-5c3e-7c11-8a53-3a0f1c7ce1f2"
          *       },
@@ -4117,6 +4213,8 @@ export interface components {
          *         "operator": "auto",
          *         "seed": 0
          *       },
+         *       "parent": null,
+         *       "parts": null,
          *       "priority": 0,
          *       "problem": null,
          *       "progress": 0.4,
@@ -4137,7 +4235,7 @@ export interface components {
          *       "status": "processing"
          *     }
          */
-        JobResource: components["schemas"]["EigenbasisJobResource"] | components["schemas"]["FieldBasisJobResource"] | components["schemas"]["OperatorFamilyJobResource"] | components["schemas"]["VibrationBasisJobResource"] | components["schemas"]["PencilBasisJobResource"] | components["schemas"]["MapCollectionJobResource"];
+        JobResource: components["schemas"]["EigenbasisJobResource"] | components["schemas"]["FieldBasisJobResource"] | components["schemas"]["OperatorFamilyJobResource"] | components["schemas"]["VibrationBasisJobResource"] | components["schemas"]["PencilBasisJobResource"] | components["schemas"]["MapCollectionJobResource"] | components["schemas"]["EigenbasisPartJobResource"];
         /**
          * @description How the Laplacian is made.
          * @enum {string}
@@ -10712,6 +10810,8 @@ export interface operations {
                 limit?: number;
                 /** @description Only jobs on this mesh, or on the problem that has this id. */
                 mesh?: string;
+                /** @description Only the parts of this job, while it is divided: no other list has them, but that of the kind `eigenbasis_part`. */
+                parent?: string;
                 /** @description Only jobs with this status. */
                 status?: "enqueued" | "processing" | "succeeded" | "failed" | "canceled";
             };

@@ -1,5 +1,7 @@
 //! Sparse symmetric indefinite factorisation of a shifted pencil, `A − μB = L D Lᵀ`, with its inertia.
 
+use std::sync::OnceLock;
+
 use faer::Par;
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::cholesky::ldlt::factor::LdltRegularization;
@@ -11,7 +13,10 @@ use faer::sparse::{FaerError, SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{MatRef, Side};
 
 use chladni_base::Monitor;
+use rayon::prelude::*;
 
+use super::factor_symbolic::{Lower, NOWHERE, supernodes};
+use super::multifrontal::{self, Plan};
 use super::{MassMatrix, SparseMatrix, WeightedMass};
 
 /// Why a matrix was not factored.
@@ -67,7 +72,7 @@ pub enum FactorError {
 }
 
 /// One supernode: columns with the same pattern below.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Node {
     /// The first column.
     pub start: usize,
@@ -79,19 +84,18 @@ pub(super) struct Node {
     pub values: usize,
 }
 
-/// Where an entry of the shifted matrix comes from.
-const NOWHERE: u32 = u32::MAX;
-
 /// The structure of the factors of `A − μB` for every `μ`; the matrices are already in a fill-reducing order.
 pub struct SymbolicFactor {
-    symbolic: SymbolicCholesky<usize>,
-    /// The lower triangle, column after column.
-    offsets: Vec<usize>,
-    rows: Vec<usize>,
-    /// For each entry of the lower triangle its position in `A` and in `B`.
-    sources: Vec<(u32, u32)>,
+    pub(super) lower: Lower,
     pub(super) nodes: Vec<Node>,
     pub(super) patterns: Vec<u32>,
+    entries: usize,
+    /// How the factor is computed by fronts, where that takes little memory.
+    pub(super) plan: Option<Plan>,
+    /// The same structure as faer has it, which exchanges rows where that is needed.
+    other: OnceLock<SymbolicCholesky<usize>>,
+    /// How many entries each row of `L` has, once that was asked.
+    pub(super) terms: OnceLock<Vec<u32>>,
 }
 
 impl std::fmt::Debug for SymbolicFactor {
@@ -113,56 +117,18 @@ impl SymbolicFactor {
         if u32::try_from(a.entries()).is_err() {
             return Err(FactorError::TooLarge { entries: a.entries() });
         }
-        let mut offsets = Vec::with_capacity(n + 1);
-        let (mut rows, mut sources) = (Vec::new(), Vec::new());
-        let (mut upper_offsets, mut upper_rows) = (Vec::with_capacity(n + 1), Vec::new());
-        offsets.push(0);
-        upper_offsets.push(0);
-        for row in 0..n {
-            let in_a = a.row(row).0.iter().zip(a.offsets()[row] as u32..).map(|(&c, at)| (c, at, NOWHERE));
-            let mut entries: Vec<(u32, u32, u32)> = in_a.collect();
-            match b {
-                MassMatrix::Diagonal(_) => merge(&mut entries, [(row as u32, row as u32)].into_iter()),
-                MassMatrix::Sparse(b) | MassMatrix::Weighted(WeightedMass { matrix: b, .. }) => {
-                    merge(&mut entries, b.row(row).0.iter().copied().zip(b.offsets()[row] as u32..));
-                }
+        let lower = Lower::new(a, b)?;
+        let other = OnceLock::new();
+        let (nodes, patterns) = match supernodes(&lower) {
+            Some(found) => found,
+            None => {
+                let analysed = analysed(&lower)?;
+                supernodes_of(other.get_or_init(|| analysed))
             }
-            for (column, in_a, in_b) in entries {
-                // The matrix is symmetric: the part of a row right of the diagonal is the part of the column below it.
-                if column as usize >= row {
-                    rows.push(column as usize);
-                    sources.push((in_a, in_b));
-                }
-                if column as usize <= row {
-                    upper_rows.push(column as usize);
-                }
-            }
-            offsets.push(rows.len());
-            upper_offsets.push(upper_rows.len());
-        }
-        let parameters = CholeskySymbolicParams {
-            supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
-            ..Default::default()
         };
-        let upper = SymbolicSparseColMatRef::new_checked(n, n, &upper_offsets, None, &upper_rows);
-        let symbolic = factorize_symbolic_cholesky(upper, Side::Upper, SymmetricOrdering::Identity, parameters)
-            .map_err(|error| match error {
-                FaerError::OutOfMemory => FactorError::Memory { bytes: 32 * upper_rows.len() },
-                _ => FactorError::TooLarge { entries: a.entries() },
-            })?;
-        let (mut nodes, mut patterns) = (Vec::new(), Vec::new());
-        if let SymbolicCholeskyRaw::Supernodal(supernodal) = symbolic.raw() {
-            let mut values = 0;
-            for node in 0..supernodal.n_supernodes() {
-                let node = supernodal.supernode(node);
-                let (start, below) = (node.start(), node.pattern());
-                let columns = supernodal.supernode_end()[nodes.len()] - start;
-                nodes.push(Node { start, columns, pattern: (patterns.len(), below.len()), values });
-                patterns.extend(below.iter().map(|&row| row as u32));
-                values += (columns + below.len()) * columns;
-            }
-        }
-        Ok(Self { symbolic, offsets, rows, sources, nodes, patterns })
+        let entries = nodes.iter().map(|node| node.columns * (node.columns + node.pattern.1)).sum();
+        let plan = Plan::new(&nodes, &patterns).filter(|plan| plan.held <= entries as u64);
+        Ok(Self { lower, nodes, patterns, entries, plan, other, terms: OnceLock::new() })
     }
 
     /// The same where `factors` of them at once, by their own count, take no more memory than `monitor` promises for all of the work. Estimates
@@ -172,8 +138,9 @@ impl SymbolicFactor {
     /// [`FactorError::Promise`].
     pub fn within(self, factors: usize, monitor: &dyn Monitor) -> Result<Self, FactorError> {
         let entries = self.entries();
-        // Eight bytes for the entry, two for its place in the pattern.
-        let bytes = (10 * entries as u64).saturating_mul(factors as u64);
+        // Eight bytes for the entry, two for its place in the pattern; and what the fronts of one factor hold while it is computed.
+        let held = self.plan.as_ref().map_or(0, |plan| 8 * plan.held);
+        let bytes = (10 * entries as u64).saturating_mul(factors as u64).saturating_add(held);
         match monitor.promised_bytes() {
             Some(promised) if bytes > promised => Err(FactorError::Promise { entries, bytes, promised }),
             _ => Ok(self),
@@ -182,12 +149,12 @@ impl SymbolicFactor {
 
     /// The size `n` of the matrix.
     pub fn size(&self) -> usize {
-        self.offsets.len() - 1
+        self.lower.offsets.len() - 1
     }
 
     /// The entries of `L`, explicit zeros in supernodes included; eight bytes each is the memory of a factor.
     pub fn entries(&self) -> usize {
-        self.symbolic.len_val()
+        self.entries
     }
 
     /// Factors `a − shift · b`. Without pivoting first, and where that lets the factors grow, with Bunch–Kaufman pivoting inside supernodes.
@@ -209,16 +176,17 @@ impl SymbolicFactor {
         shift: f64,
         storage: Vec<f64>,
     ) -> Result<Factor<'_>, FactorError> {
-        self.factor_with(a, b, shift, storage, Par::Seq)
-    }
-
-    /// As [`factor`](Self::factor), with products of large supernodes shared out among all threads: for a factor that is computed by itself, not
-    /// beside others.
-    ///
-    /// # Errors
-    /// As for [`factor`](Self::factor).
-    pub fn factor_alone(&self, a: &SparseMatrix, b: &MassMatrix, shift: f64) -> Result<Factor<'_>, FactorError> {
-        self.factor_with(a, b, shift, Vec::new(), Par::rayon(0))
+        let (shifted, largest) = self.shifted(a, b, shift);
+        let plain = match &self.plan {
+            Some(plan) => self.by_fronts(plan, &shifted, largest, storage),
+            None => self.plain(&shifted, largest, storage),
+        };
+        match plain {
+            Ok(factor) if factor.growth <= LARGEST_GROWTH => Ok(factor),
+            Ok(factor) => self.pivoted(&shifted, largest, factor.into_storage()),
+            Err(FactorError::Singular { .. }) => self.pivoted(&shifted, largest, Vec::new()),
+            Err(error) => Err(error),
+        }
     }
 
     /// As [`factor_in`](Self::factor_in), with pivots from the beginning: slower, and its [uncertainty](Factor::uncertainty) may be far smaller,
@@ -234,67 +202,56 @@ impl SymbolicFactor {
         storage: Vec<f64>,
     ) -> Result<Factor<'_>, FactorError> {
         let (shifted, largest) = self.shifted(a, b, shift);
-        self.pivoted(self.lower(&shifted), largest, storage)
-    }
-
-    fn factor_with(
-        &self,
-        a: &SparseMatrix,
-        b: &MassMatrix,
-        shift: f64,
-        storage: Vec<f64>,
-        par: Par,
-    ) -> Result<Factor<'_>, FactorError> {
-        let (shifted, largest) = self.shifted(a, b, shift);
-        let lower = self.lower(&shifted);
-        match self.plain(lower, largest, storage, par) {
-            Ok(factor) if factor.growth <= LARGEST_GROWTH => Ok(factor),
-            Ok(factor) => self.pivoted(lower, largest, factor.into_storage()),
-            Err(FactorError::Singular { .. }) => self.pivoted(lower, largest, Vec::new()),
-            Err(error) => Err(error),
-        }
+        self.pivoted(&shifted, largest, storage)
     }
 
     /// The entries of the lower triangle of `a − shift · b`, and the largest magnitude.
-    fn shifted(&self, a: &SparseMatrix, b: &MassMatrix, shift: f64) -> (Vec<f64>, f64) {
-        let mut largest = 0f64;
-        let mut shifted = Vec::with_capacity(self.sources.len());
-        for &(in_a, in_b) in &self.sources {
-            let mut value = if in_a == NOWHERE { 0.0 } else { a.values()[in_a as usize] };
-            if in_b != NOWHERE {
-                value -= shift
-                    * match b {
-                        MassMatrix::Diagonal(b) => b[in_b as usize],
-                        MassMatrix::Sparse(b) | MassMatrix::Weighted(WeightedMass { matrix: b, .. }) => {
-                            b.values()[in_b as usize]
-                        }
-                    };
-            }
-            largest = largest.max(value.abs());
-            shifted.push(value);
-        }
+    pub(super) fn shifted(&self, a: &SparseMatrix, b: &MassMatrix, shift: f64) -> (Vec<f64>, f64) {
+        let of_mass = match b {
+            MassMatrix::Diagonal(b) => &b[..],
+            MassMatrix::Sparse(b) | MassMatrix::Weighted(WeightedMass { matrix: b, .. }) => b.values(),
+        };
+        let value = |&(in_a, in_b): &(u32, u32)| {
+            let value = if in_a == NOWHERE { 0.0 } else { a.values()[in_a as usize] };
+            if in_b == NOWHERE { value } else { value - shift * of_mass[in_b as usize] }
+        };
+        let mut shifted = vec![0.0; self.lower.sources.len()];
+        let parts = shifted.par_chunks_mut(SHIFTED).zip(self.lower.sources.par_chunks(SHIFTED));
+        let largest = parts.map(|(shifted, sources)| {
+            let pairs = shifted.iter_mut().zip(sources);
+            pairs.fold(0f64, |most, (shifted, source)| {
+                *shifted = value(source);
+                most.max(shifted.abs())
+            })
+        });
+        let largest = largest.reduce(|| 0.0, f64::max);
         (shifted, largest)
     }
 
-    fn lower<'a>(&'a self, shifted: &'a [f64]) -> SparseColMatRef<'a, usize, f64> {
-        let n = self.size();
-        let pattern = SymbolicSparseColMatRef::new_checked(n, n, &self.offsets, None, &self.rows);
-        SparseColMatRef::new(pattern, shifted)
+    /// The structure as faer has it, with supernodes and patterns that are the same.
+    pub(super) fn other(&self) -> Result<&SymbolicCholesky<usize>, FactorError> {
+        if let Some(other) = self.other.get() {
+            return Ok(other);
+        }
+        let analysed = analysed(&self.lower)?;
+        let (nodes, patterns) = supernodes_of(&analysed);
+        if nodes != self.nodes || patterns != self.patterns {
+            return Err(FactorError::Ordering { reason: "two analyses of one matrix disagree".to_owned() });
+        }
+        Ok(self.other.get_or_init(|| analysed))
     }
 
-    fn plain(
-        &self,
-        lower: SparseColMatRef<'_, usize, f64>,
-        largest: f64,
-        storage: Vec<f64>,
-        par: Par,
-    ) -> Result<Factor<'_>, FactorError> {
+    /// Without pivoting, column after column on one thread.
+    fn plain(&self, shifted: &[f64], largest: f64, storage: Vec<f64>) -> Result<Factor<'_>, FactorError> {
+        let (n, par, symbolic) = (self.size(), Par::Seq, self.other()?);
         let mut values = self.storage(storage)?;
-        let request = self.symbolic.factorize_numeric_ldlt_scratch::<f64>(par, Default::default());
+        let rows = self.lower.wide_rows();
+        let lower = SymbolicSparseColMatRef::new_checked(n, n, &self.lower.offsets, None, &rows);
+        let request = symbolic.factorize_numeric_ldlt_scratch::<f64>(par, Default::default());
         let mut buffer = memory(request)?;
-        let done = self.symbolic.factorize_numeric_ldlt(
+        let done = symbolic.factorize_numeric_ldlt(
             &mut values,
-            lower,
+            SparseColMatRef::new(lower, shifted),
             Side::Lower,
             LdltRegularization::default(),
             par,
@@ -321,23 +278,36 @@ impl SymbolicFactor {
         Ok(factor)
     }
 
-    fn pivoted(
+    /// The same by our own fronts, on all threads.
+    fn by_fronts(
         &self,
-        lower: SparseColMatRef<'_, usize, f64>,
+        plan: &Plan,
+        lower: &[f64],
         largest: f64,
         storage: Vec<f64>,
     ) -> Result<Factor<'_>, FactorError> {
-        let n = self.size();
         let mut values = self.storage(storage)?;
+        let mut inverse = vec![0.0; self.size()];
+        let found = multifrontal::factor(self, plan, lower, (&mut values, &mut inverse))
+            .map_err(|_| FactorError::Singular { pivot: 0 })?;
+        let growth = if largest > 0.0 { found.growth / largest } else { found.growth };
+        Ok(Factor { symbolic: self, values, inverse, pivoting: None, below: found.below, growth })
+    }
+
+    fn pivoted(&self, shifted: &[f64], largest: f64, storage: Vec<f64>) -> Result<Factor<'_>, FactorError> {
+        let (n, symbolic) = (self.size(), self.other()?);
+        let mut values = self.storage(storage)?;
+        let rows = self.lower.wide_rows();
+        let lower = SymbolicSparseColMatRef::new_checked(n, n, &self.lower.offsets, None, &rows);
         let (mut off_diagonal, mut order, mut position) = (vec![0.0; n], vec![0usize; n], vec![0usize; n]);
-        let request = self.symbolic.factorize_numeric_intranode_lblt_scratch::<f64>(Par::Seq, Default::default());
+        let request = symbolic.factorize_numeric_intranode_lblt_scratch::<f64>(Par::Seq, Default::default());
         let mut buffer = memory(request)?;
-        self.symbolic.factorize_numeric_intranode_lblt(
+        symbolic.factorize_numeric_intranode_lblt(
             &mut values,
             &mut off_diagonal,
             &mut order,
             &mut position,
-            lower,
+            SparseColMatRef::new(lower, shifted),
             Side::Lower,
             Par::Seq,
             MemStack::new(&mut buffer),
@@ -386,32 +356,65 @@ impl SymbolicFactor {
         values
             .try_reserve_exact(entries.saturating_sub(values.len()))
             .map_err(|_| FactorError::Memory { bytes: 8 * entries })?;
-        values.resize(entries, 0.0);
+        values.truncate(entries);
+        values.par_extend(rayon::iter::repeat_n(0.0, entries - values.len()));
         Ok(values)
     }
 }
 
-/// Adds the entries of a second sorted row to a first.
-fn merge(entries: &mut Vec<(u32, u32, u32)>, second: impl Iterator<Item = (u32, u32)>) {
-    let mut from = 0;
-    for (column, at) in second {
-        while from < entries.len() && entries[from].0 < column {
-            from += 1;
-        }
-        match entries.get_mut(from) {
-            Some(entry) if entry.0 == column => entry.2 = at,
-            _ => entries.insert(from, (column, NOWHERE, at)),
+/// The structure as faer has it.
+fn analysed(lower: &Lower) -> Result<SymbolicCholesky<usize>, FactorError> {
+    let parameters = CholeskySymbolicParams {
+        supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
+        ..Default::default()
+    };
+    let n = lower.offsets.len() - 1;
+    // By columns it is given the upper triangle, which is the lower one by rows.
+    let mut offsets = vec![0usize; n + 1];
+    lower.rows.iter().for_each(|&row| offsets[row as usize + 1] += 1);
+    (0..n).for_each(|row| offsets[row + 1] += offsets[row]);
+    let (mut columns, mut next) = (vec![0usize; lower.rows.len()], offsets.clone());
+    for column in 0..n {
+        for &row in lower.column(column) {
+            columns[next[row as usize]] = column;
+            next[row as usize] += 1;
         }
     }
+    let upper = SymbolicSparseColMatRef::new_checked(n, n, &offsets, None, &columns);
+    factorize_symbolic_cholesky(upper, Side::Upper, SymmetricOrdering::Identity, parameters).map_err(
+        |error| match error {
+            FaerError::OutOfMemory => FactorError::Memory { bytes: 32 * columns.len() },
+            _ => FactorError::TooLarge { entries: columns.len() },
+        },
+    )
+}
+
+fn supernodes_of(symbolic: &SymbolicCholesky<usize>) -> (Vec<Node>, Vec<u32>) {
+    let (mut nodes, mut patterns) = (Vec::new(), Vec::new());
+    if let SymbolicCholeskyRaw::Supernodal(supernodal) = symbolic.raw() {
+        let mut values = 0;
+        for node in 0..supernodal.n_supernodes() {
+            let node = supernodal.supernode(node);
+            let (start, below) = (node.start(), node.pattern());
+            let columns = supernodal.supernode_end()[nodes.len()] - start;
+            nodes.push(Node { start, columns, pattern: (patterns.len(), below.len()), values });
+            patterns.extend(below.iter().map(|&row| row as u32));
+            values += (columns + below.len()) * columns;
+        }
+    }
+    (nodes, patterns)
 }
 
 fn memory(request: StackReq) -> Result<MemBuffer, FactorError> {
     MemBuffer::try_new(request).map_err(|_| FactorError::Memory { bytes: request.unaligned_bytes_required() })
 }
 
+/// Entries of a shifted matrix that one task computes.
+const SHIFTED: usize = 1 << 15;
+
 /// Element growth up to which factors without pivoting are accepted: rounding errors relative to the matrix stay below
 /// this times 1e-16.
-const LARGEST_GROWTH: f64 = 1e6;
+pub(super) const LARGEST_GROWTH: f64 = 1e6;
 
 /// Pivoting inside supernodes.
 pub(super) struct Pivoting {

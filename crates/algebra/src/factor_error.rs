@@ -1,7 +1,27 @@
 //! What rounding may have done to a factor: how far an inertia count can be trusted.
 
+use rayon::prelude::*;
+
 use super::factor::{Factor, Node, Pivoting};
+use super::multifrontal::{larger, magnitudes};
 use super::{MassMatrix, SparseMatrix};
+
+/// The error of a row over its lumped mass, by its number, its sum of `|L| |D| |Lᵀ|` and its number of entries of `L`.
+pub(super) fn row_error(a: &SparseMatrix, b: &MassMatrix, shift: f64) -> impl Fn(usize, f64, u32) -> f64 + Sync {
+    let lumped = b.lumped();
+    let terms_of_mass = b.terms();
+    let unit = 0.5 * f64::EPSILON;
+    move |row, sum, terms| {
+        let entries: f64 = a.row(row).1.iter().map(|value| value.abs()).sum();
+        let formed = 2.0 * (entries + terms_of_mass * (shift * lumped[row]).abs());
+        unit * ((f64::from(terms) + 4.0) * sum + formed) / lumped[row]
+    }
+}
+
+/// What the largest error of a row over its lumped mass does to an eigenvalue.
+pub(super) fn enclosed(b: &MassMatrix, most: f64) -> f64 {
+    if most.is_finite() { b.lumped_ratio() * most } else { f64::INFINITY }
+}
 
 impl Factor<'_> {
     /// How far the eigenvalues of the pencil may lie from those of the pencil that this is the exact factor of: the [count](Self::eigenvalues_below)
@@ -13,24 +33,21 @@ impl Factor<'_> {
     /// bound what they do to an eigenvalue.
     pub fn uncertainty(&self, a: &SparseMatrix, b: &MassMatrix, shift: f64) -> f64 {
         let n = self.symbolic.size();
-        let lumped = b.lumped();
-        if a.rows() != n || lumped.len() != n {
+        if a.rows() != n || b.size() != n {
             return f64::INFINITY;
         }
-        let (sums, terms) = self.magnitudes();
-        let weights = b.lumped_ratio();
-        let terms_of_mass = b.terms();
-        let unit = 0.5 * f64::EPSILON;
-        let mut most = 0f64;
-        for row in 0..n {
-            let entries: f64 = a.row(row).1.iter().map(|value| value.abs()).sum();
-            let formed = 2.0 * (entries + terms_of_mass * (shift * lumped[row]).abs());
-            let error = unit * ((f64::from(terms[row]) + 4.0) * sums[row] + formed);
-            // Anything that is not a number is no bound.
-            let ratio = error / lumped[row];
-            most = if ratio <= most { most } else { ratio };
-        }
-        if most.is_finite() { weights * most } else { f64::INFINITY }
+        let ratio = row_error(a, b, shift);
+        let over = |sums: &[f64], terms: &[u32]| {
+            (0..n).into_par_iter().map(|row| ratio(row, sums[row], terms[row])).reduce(|| 0.0, larger)
+        };
+        let most = match (&self.symbolic.plan, &self.pivoting) {
+            (Some(plan), None) => over(&magnitudes(self.symbolic, plan, &self.values), self.symbolic.terms()),
+            _ => {
+                let (sums, terms) = self.magnitudes();
+                over(&sums, &terms)
+            }
+        };
+        enclosed(b, most)
     }
 
     /// The row sums of `|L| |D| |Lᵀ|`, and how many entries each row of `L` has.

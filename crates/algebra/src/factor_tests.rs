@@ -10,7 +10,7 @@ use crate::{
     SymmetricDefiniteSolver, fill_reducing_order,
 };
 
-fn sparse(n: usize, entries: &BTreeMap<(u32, u32), f64>) -> SparseMatrix {
+pub(crate) fn sparse(n: usize, entries: &BTreeMap<(u32, u32), f64>) -> SparseMatrix {
     let mut offsets = vec![0; n + 1];
     entries.keys().for_each(|&(row, _)| offsets[row as usize + 1] += 1);
     (0..n).for_each(|row| offsets[row + 1] += offsets[row]);

@@ -1,4 +1,4 @@
-//! Sparse and dense matrices and the dense symmetric-definite eigenproblem. The only crate that names faer, METIS or wgpu.
+//! Sparse and dense matrices and the dense symmetric-definite eigenproblem. The only crate that names faer or wgpu.
 
 mod bisection;
 mod block_matrix;
@@ -7,11 +7,14 @@ mod column_products;
 mod cycle_products;
 mod definite;
 mod dense;
+mod dissection;
 mod eigen;
 mod factor;
 mod factor_column;
+mod factor_count;
 mod factor_error;
 mod factor_solve;
+mod factor_symbolic;
 mod factored;
 mod galerkin;
 pub mod gpu;
@@ -19,6 +22,7 @@ mod independent;
 mod krylov_block;
 mod lift;
 mod mass;
+mod multifrontal;
 mod multigrid;
 mod ordering;
 mod panel_products;
@@ -40,6 +44,7 @@ pub use dense::{DenseMatrix, row_parts};
 pub use eigen::{ComputedOn, CpuSolver, EigenError, EigenPairs, SymmetricDefiniteSolver};
 pub use factor::{Factor, FactorError, FactorNumbers, SymbolicFactor};
 pub use factor_column::ColumnTree;
+pub use factor_count::EigenvalueCount;
 pub use factor_solve::{HalfSolved, ReachTree, Sides, SolveScratch, SolveTree};
 pub use factored::{space_times, space_times_single, space_transposed_mass_times};
 pub use galerkin::{GalerkinError, galerkin};

@@ -26,6 +26,7 @@ use self::restrict::restricted;
 pub use self::sharing::by_patch;
 use self::sharing::{SHARED_ROWS, Sharing, over_patches};
 use self::smoother::{Buffers, Factors, add_product, residual, restrict};
+#[cfg(feature = "gpu")]
 pub(crate) use self::smoother::{ChebyshevStep, FIRST_GAMMA, chebyshev};
 use super::patches::{RINGS, SparseRows, patches};
 use super::{EigenError, MassMatrix, Patch, SparseMatrix, vectorized};

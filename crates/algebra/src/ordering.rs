@@ -4,6 +4,7 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::sparse::SymbolicSparseColMatRef;
 use faer::sparse::linalg::amd;
 
+use super::dissection::nested_dissection;
 use super::{FactorError, SparseMatrix};
 
 /// How the rows of a matrix are ordered before it is factored.
@@ -11,17 +12,8 @@ use super::{FactorError, SparseMatrix};
 pub enum Ordering {
     /// Approximate minimum degree: quick to find.
     Amd,
-    /// Nested dissection by METIS: takes longer to find, and its factors are a third smaller on large meshes.
+    /// Nested dissection: takes longer to find, on one thread, and its factors are a third smaller on large meshes.
     NestedDissection,
-}
-
-/// METIS draws from the random numbers of the C library: one at a time, so that equal matrices get equal orders.
-static METIS: std::sync::Mutex<()> = std::sync::Mutex::new(());
-
-#[cfg(unix)]
-unsafe extern "C" {
-    /// Does nothing. That it is called makes `metis_errors.c` part of the program, which keeps METIS from the signals of the process.
-    safe fn chladni_metis_errors();
 }
 
 /// An order in which the symmetric `matrix` fills in little when it is factored: entry `k` is the row that comes `k`-th. It is a postorder of
@@ -42,7 +34,7 @@ pub fn fill_reducing_order(matrix: &SparseMatrix, ordering: Ordering) -> Result<
     }
     let order = match ordering {
         Ordering::Amd => minimum_degree(matrix)?,
-        Ordering::NestedDissection => nested_dissection(matrix)?,
+        Ordering::NestedDissection => nested_dissection(matrix),
     };
     Ok(postorder(matrix, &order))
 }
@@ -56,44 +48,6 @@ fn minimum_degree(matrix: &SparseMatrix) -> Result<Vec<u32>, FactorError> {
         .map_err(|_| FactorError::Memory { bytes: 16 * (n + rows.len()) })?;
     amd::order(&mut order, &mut inverse, pattern, Default::default(), MemStack::new(&mut buffer))
         .map_err(|error| FactorError::Ordering { reason: format!("{error:?}") })?;
-    Ok(order.into_iter().map(|row| row as u32).collect())
-}
-
-fn nested_dissection(matrix: &SparseMatrix) -> Result<Vec<u32>, FactorError> {
-    let n = matrix.rows();
-    let (mut offsets, mut neighbours) = (Vec::with_capacity(n + 1), Vec::with_capacity(matrix.entries()));
-    offsets.push(0i32);
-    for row in 0..n {
-        neighbours.extend(matrix.row(row).0.iter().filter(|&&column| column as usize != row).map(|&c| c as i32));
-        offsets.push(neighbours.len() as i32);
-    }
-    let (mut order, mut inverse) = (vec![0i32; n], vec![0i32; n]);
-    if neighbours.is_empty() {
-        return Ok((0..n as u32).collect());
-    }
-    let mut options = [0i32; metis_sys::METIS_NOPTIONS as usize];
-    let mut size = n as i32;
-    #[cfg(unix)]
-    chladni_metis_errors();
-    let alone = METIS.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-    // SAFETY: the arrays have the lengths that METIS documents, `offsets` ascends to the length of `neighbours`, every neighbour is
-    // below `n`, and the lock keeps its global state to one caller. There is no safe interface to this function.
-    let status = unsafe {
-        metis_sys::METIS_SetDefaultOptions(options.as_mut_ptr());
-        metis_sys::METIS_NodeND(
-            &mut size,
-            offsets.as_mut_ptr(),
-            neighbours.as_mut_ptr(),
-            std::ptr::null_mut(),
-            options.as_mut_ptr(),
-            order.as_mut_ptr(),
-            inverse.as_mut_ptr(),
-        )
-    };
-    drop(alone);
-    if status != metis_sys::rstatus_et_METIS_OK {
-        return Err(FactorError::Ordering { reason: format!("METIS ended with status {status}") });
-    }
     Ok(order.into_iter().map(|row| row as u32).collect())
 }
 

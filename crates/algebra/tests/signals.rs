@@ -1,4 +1,4 @@
-//! The library takes no signal of the process over: METIS' own code would, for SIGTERM and SIGABRT.
+//! The library takes no signal of the process over.
 #![cfg(target_os = "linux")]
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};

@@ -346,7 +346,9 @@ impl Subject<'_> {
         }
         let bound = certificate.bounds[pair];
         let is_judged = !projected && self.claims.gradients_of.is_none();
-        if !(bound >= 0.0) || (is_judged && excess.abs() > bound * area + allowed) {
+        // No value is known to less than the rounding of one operation.
+        let is_unreachable = is_judged && !is_kernel && bound * area < f64::EPSILON / 4.0 * theta.abs();
+        if !(bound >= 0.0) || is_unreachable || (is_judged && excess.abs() > bound * area + allowed) {
             findings.push(Finding::Bound { pair, claimed: bound });
         }
         Judged { residual, distance: distance / area, findings }

@@ -59,6 +59,15 @@ fn what_the_solver_delivers_is_confirmed() {
     }
 }
 
+#[test]
+fn a_bound_below_the_rounding_of_one_operation_is_refuted() {
+    let operator = operator(Shape::Knot, 600, MassKind::Barycentric, Boundary::Neumann);
+    let mut basis = basis(Shape::Knot, &operator, 600, Wanted::Count(20), Precision::F64);
+    basis.certificate.bounds.iter_mut().for_each(|bound| *bound = 0.0);
+    let findings = verify(&basis, &operator, &Unwatched).unwrap().findings;
+    assert!(findings.iter().any(|finding| matches!(finding, Finding::Bound { pair: 19, .. })), "{findings:?}");
+}
+
 /// Another file of the same shape: a thousand of them, all with something that is not true.
 #[test]
 fn none_of_a_thousand_altered_bases_is_confirmed() {

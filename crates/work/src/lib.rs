@@ -32,7 +32,7 @@ mod vibration_basis;
 use chladni_base::{Cancelled, Monitor, StageClock};
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::analysis::AnalysisError;
-use chladni_spectral::basis::Product;
+use chladni_spectral::basis::{PARTS, Product};
 use chladni_spectral::operator::OperatorError;
 use chladni_spectral::spectrum::ApproximationError;
 use chladni_spectral::spectrum::hsim::HsimError;
@@ -43,8 +43,8 @@ use chladni_spectral::spectrum::vibration::VibrationError;
 use packed::Packed;
 
 pub use eigenbasis::{
-    Accuracy, Approximate, Construction, EigenbasisParameters, Exact, HsimVariant, MadePart, Method, MethodName,
-    PartSource, Start, StorageKind,
+    Accuracy, Approximate, Automatic, Construction, EigenbasisParameters, Exact, HsimVariant, MOST_PARTS, MadePart,
+    Method, MethodName, PartJob, PartSource, Parts, Start, StorageKind,
 };
 
 pub use field_basis::{FieldBasisParameters, FieldConstruction, FieldName};
@@ -58,7 +58,7 @@ pub use provenance::{Provenance, ProvenanceError};
 pub use vibration_basis::{VibrationBasisParameters, VibrationMethodName};
 
 /// The version of the solvers: it enters the key of equal work, so that a better solver does not answer with old results.
-pub const SOLVER_VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "+13");
+pub const SOLVER_VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "+14");
 
 /// The names of all kinds of job that work on a mesh.
 pub const MESH_KINDS: &[&str] = &["eigenbasis", "field_basis", "operator_family", "vibration_basis"];
@@ -378,14 +378,18 @@ impl JobParameters {
         self.work().canonical()
     }
 
-    /// The key of equal work, 64 hexadecimal digits: a hash of mesh, kind, canonical parameters and solver version.
+    /// The key of equal work, 64 hexadecimal digits: a hash of mesh, kind, canonical parameters and solver version. Into how many parts it is divided
+    /// makes no other work.
     pub fn work_key(&self, mesh: &str) -> String {
         self.work_key_of(mesh, &self.canonical())
     }
 
     /// The same where the canonical parameters are at hand.
     pub fn work_key_of(&self, mesh: &str, canonical: &serde_json::Value) -> String {
-        hash_of(&(mesh, self.kind(), canonical, SOLVER_VERSION))
+        match canonical.get(PARTS) {
+            None => hash_of(&(mesh, self.kind(), canonical, SOLVER_VERSION)),
+            Some(_) => hash_of(&(mesh, self.kind(), of_result(canonical.clone()), SOLVER_VERSION)),
+        }
     }
 
     /// Checks the parameters against the size of a mesh.
@@ -443,7 +447,7 @@ impl JobParameters {
         let mut product = work(&clock)?;
         let notes = clock.notes();
         let seconds = clock.finish();
-        let mut parameters = self.canonical();
+        let mut parameters = of_result(self.canonical());
         abbreviate(&mut parameters);
         let provenance = Provenance {
             kind: self.kind().to_owned(),
@@ -467,6 +471,14 @@ fn add_notes(about: &mut serde_json::Map<String, serde_json::Value>, notes: Vec<
             list.push(text.into());
         }
     }
+}
+
+/// Parameters without what makes no other result: into how many parts a job is divided.
+fn of_result(mut parameters: serde_json::Value) -> serde_json::Value {
+    if let Some(members) = parameters.as_object_mut() {
+        members.remove(PARTS);
+    }
+    parameters
 }
 
 /// Reads parameters; `null` stands for all defaults.

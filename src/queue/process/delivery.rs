@@ -6,7 +6,7 @@ use std::{
 };
 
 use chladni_spectral::basis::{
-    CHUNK_COLUMNS, ColumnChunk, ColumnError, ColumnSource, DenseFunctions, Precision, Product, ProductKind,
+    CHUNK_COLUMNS, ColumnChunk, ColumnError, ColumnSource, DenseFunctions, Precision, Product, ProductKind, StoredPart,
 };
 use chladni_spectral::formats::npz;
 
@@ -16,6 +16,7 @@ use super::{
     messages::{Delivery, Taken},
     processes::Pool,
 };
+use crate::queue::Outcome;
 
 /// A worker that says nothing for so long in the middle of a delivery has stalled.
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -26,7 +27,7 @@ const SMALL: u64 = 64 << 20;
 ///
 /// # Errors
 /// In words, where the worker ends or says something else.
-pub(super) fn take(mut worker: Worker, head: &[u8], promised: u64, pool: &Weak<Pool>) -> Result<Product, String> {
+pub(super) fn take(mut worker: Worker, head: &[u8], promised: u64, pool: &Weak<Pool>) -> Result<Outcome, String> {
     let delivery: Delivery = serde_json::from_slice(head).map_err(|error| format!("of a product: {error}"))?;
     // What a worker says is not trusted further than the job was.
     let most = promised.saturating_add(SMALL);
@@ -37,8 +38,13 @@ pub(super) fn take(mut worker: Worker, head: &[u8], promised: u64, pool: &Weak<P
             let content = stream.bytes(bytes, most)?;
             worker = stream.into_worker();
             finish(worker, pool)?;
-            Product::read_npz(kind, &content).map_err(|error| format!("a result that could not be decoded: {error}"))
+            let product = match kind {
+                ProductKind::EigenbasisPart => StoredPart::of_bytes(content).map(Product::from),
+                kind => Product::read_npz(kind, &content),
+            };
+            product.map(Outcome::Product).map_err(|error| format!("a result that could not be decoded: {error}"))
         }
+        Delivery::Parts { parts } => finish(worker, pool).map(|()| Outcome::Parts(parts)),
         Delivery::Columns { head, rows, columns, precision } => {
             let precision = Precision::from_name(&precision).ok_or("numbers of no precision")?;
             let chunk = rows.checked_mul(precision.bytes()).and_then(|column| column.checked_mul(CHUNK_COLUMNS));
@@ -55,7 +61,8 @@ pub(super) fn take(mut worker: Worker, head: &[u8], promised: u64, pool: &Weak<P
             };
             let functions = DenseFunctions::elsewhere(rows, columns, precision, Arc::new(source));
             let basis = npz::read_head(&head, functions);
-            Ok(basis.map_err(|error| format!("a result that could not be decoded: {error}"))?.into())
+            let basis = basis.map_err(|error| format!("a result that could not be decoded: {error}"))?;
+            Ok(Outcome::Product(basis.into()))
         }
     }
 }

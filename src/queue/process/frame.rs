@@ -5,6 +5,8 @@
 //! | `Order` … | pieces of the order as JSON |
 //! | `Mesh` … | pieces of the mesh, as the store keeps it |
 //! | `Begin` | none: order and mesh are complete |
+//! | `Part` … | pieces of a part that is to be joined |
+//! | `PartEnd` | none: the part is complete |
 //! | `Cancel` | the number of the order |
 //!
 //! | from the worker | body |
@@ -28,6 +30,8 @@ pub(super) enum Tag {
     Order,
     Mesh,
     Begin,
+    Part,
+    PartEnd,
     Cancel,
     Ready,
     Accepted,
@@ -42,10 +46,12 @@ pub(super) enum Tag {
 }
 
 impl Tag {
-    const ALL: [Self; 14] = [
+    const ALL: [Self; 16] = [
         Self::Order,
         Self::Mesh,
         Self::Begin,
+        Self::Part,
+        Self::PartEnd,
         Self::Cancel,
         Self::Ready,
         Self::Accepted,

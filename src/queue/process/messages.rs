@@ -1,5 +1,7 @@
 //! What the JSON bodies of frames say.
 
+use std::num::NonZeroUsize;
+
 use serde::{Deserialize, Serialize};
 
 use crate::{queue::JobFailure, store::JobRecord};
@@ -36,6 +38,8 @@ pub(super) struct Reason {
 pub(super) enum Delivery {
     /// So many bytes of an NPZ file.
     Whole { kind: String, bytes: u64 },
+    /// No content: the job is to be divided into so many parts.
+    Parts { parts: NonZeroUsize },
     /// A dense basis: so many bytes of all but its columns, then these, in `precision`.
     Columns { head: u64, rows: usize, columns: usize, precision: String },
 }

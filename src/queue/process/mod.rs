@@ -9,6 +9,7 @@ mod delivery;
 mod frame;
 mod limit;
 mod messages;
+mod piped_parts;
 mod processes;
 mod worker;
 

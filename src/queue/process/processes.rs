@@ -24,7 +24,7 @@ use super::{
 };
 use crate::{
     queue::{JobFailure, Outcome, QueueObserver, Runner, Watch},
-    store::{CollectedShape, JobRecord, Subject},
+    store::{CollectedShape, JobRecord, PartSource, Subject},
 };
 
 /// How often it is looked whether the job was asked to stop.
@@ -145,6 +145,28 @@ impl Runner for Processes {
     ) -> Result<Outcome, JobFailure> {
         self.hand_out(job, Subject::Collection(shapes), watch)
     }
+
+    fn run_to_divide(
+        &self,
+        job: &JobRecord,
+        mesh: Arc<TriangleMesh>,
+        solid: Option<Arc<TetMesh>>,
+        (workers, before): (usize, usize),
+        watch: &dyn Watch,
+    ) -> Result<Outcome, JobFailure> {
+        self.hand_out(job, Subject::ToDivide { mesh, solid, workers, before }, watch)
+    }
+
+    fn run_parts(
+        &self,
+        job: &JobRecord,
+        mesh: Arc<TriangleMesh>,
+        solid: Option<Arc<TetMesh>>,
+        parts: Arc<dyn PartSource>,
+        watch: &dyn Watch,
+    ) -> Result<Outcome, JobFailure> {
+        self.hand_out(job, Subject::Parts { mesh, solid, parts }, watch)
+    }
 }
 
 impl Processes {
@@ -179,7 +201,17 @@ fn send(worker: &Worker, order: Order, subject: Subject) -> io::Result<Receiver<
         subject.write(&mut pieces)?;
         pieces.flush()?;
         frame::write(&mut *orders, Tag::Begin, &[])?;
-        orders.flush()
+        orders.flush()?;
+        if let Subject::Parts { parts, .. } = &subject {
+            for number in 0..parts.count() {
+                let mut pieces = Pieces::new(&mut *orders, Tag::Part);
+                parts.copy(number, &mut pieces)?;
+                pieces.flush()?;
+                frame::write(&mut *orders, Tag::PartEnd, &[])?;
+                orders.flush()?;
+            }
+        }
+        Ok(())
     };
     thread::Builder::new().name("worker-orders".to_owned()).spawn(move || {
         // Of the end of a worker hears who attends to it, and of the rest by this.
@@ -245,7 +277,7 @@ fn attend(
             Tag::Detail => watch.detail(&String::from_utf8_lossy(&body)),
             Tag::Product => {
                 let taken = delivery::take(worker, &body, job.memory_bytes, &Arc::downgrade(pool));
-                return taken.map(|product| Outcome { product }).or_else(|what| died(format!("with {what}")));
+                return taken.or_else(|what| died(format!("with {what}")));
             }
             Tag::Failed => {
                 let Ok(failure) = serde_json::from_slice::<Failure>(&body) else {

@@ -20,9 +20,10 @@ use super::{
     frame::{self, Pieces, Tag},
     limit,
     messages::{Delivery, Failure, Order, Taken},
+    piped_parts::PipedParts,
 };
 use crate::{
-    queue::{JobFailure, Runner, Watch},
+    queue::{JobFailure, Outcome, Runner, Watch},
     store::Subject,
 };
 
@@ -119,16 +120,29 @@ fn listen(input: impl Read, orders: &mpsc::Sender<Incoming>, cancelled: &AtomicU
     let broken = |what: &str| io::Error::new(io::ErrorKind::InvalidData, what.to_owned());
     let mut input = BufReader::with_capacity(1 << 16, input);
     let (mut text, mut subject) = (Vec::new(), Vec::new());
+    let (mut part, mut joined) = (Vec::new(), None);
     while let Some(frame) = frame::read(&mut input)? {
         match frame.tag {
             Tag::Order => text.extend(frame.body),
             Tag::Mesh => subject.extend(frame.body),
             Tag::Begin => {
                 let order: Order = serde_json::from_slice(&std::mem::take(&mut text))?;
-                let subject = Subject::read(&std::mem::take(&mut subject))
+                let mut subject = Subject::read(&std::mem::take(&mut subject))
                     .ok_or_else(|| broken("what the order is about could not be decoded"))?;
+                if let Subject::Parts { parts, .. } = &mut subject {
+                    let (sender, piped) = PipedParts::new(parts.count());
+                    (*parts, joined) = (Arc::new(piped), Some(sender));
+                }
                 if orders.send(Incoming { order, subject }).is_err() {
                     return Ok(());
+                }
+            }
+            Tag::Part => part.extend(frame.body),
+            Tag::PartEnd => {
+                let part = std::mem::take(&mut part);
+                // Waits until it is asked for. Whoever joins them may have given up, and then the rest is of no use.
+                if joined.as_ref().is_some_and(|joined| joined.send(part).is_err()) {
+                    joined = None;
                 }
             }
             Tag::Cancel => {
@@ -187,7 +201,11 @@ fn obey(
         Err(JobFailure::Failed { kind: "worker-panicked".to_owned(), detail, retryable: true })
     });
     let result = match result {
-        Ok(outcome) => deliver(outcome.product, output)?,
+        Ok(Outcome::Product(product)) => deliver(product, output)?,
+        Ok(Outcome::Parts(parts)) => {
+            say_json(output, Tag::Product, &Delivery::Parts { parts })?;
+            Ok(())
+        }
         Err(failure) => Err(failure),
     };
     limit::lift();

@@ -41,6 +41,8 @@ pub struct Spectrum {
     pub eigenvalues: Vec<f64>,
     /// `d × m`: eigenfunctions are the functions of the family times these, orthonormal for the mass of the input.
     pub coefficients: DenseMatrix,
+    /// How many of the lowest pairs the space was made for: as [`covered`].
+    pub covered: usize,
 }
 
 impl Member {
@@ -60,6 +62,19 @@ impl Member {
     }
 }
 
+/// How many of the lowest pairs of a member the space was made for. With all functions of the mesh they are exact, every one; else they are two
+/// thirds of the pairs that each anchor gave, of members whose curvature is no more than that of the last anchor, and none of others: those can be
+/// many times too large.
+pub fn covered(family: &FamilyBasis, member: Member) -> usize {
+    if family.dimension() == family.vertices() {
+        return family.dimension();
+    }
+    let anchors = || family.metadata["anchors"].as_array().into_iter().flatten();
+    let most = anchors().filter_map(|anchor| anchor["curvature"].as_f64()).fold(0.0, f64::max);
+    let given = anchors().filter_map(|anchor| anchor["pairs"].as_u64()).min().unwrap_or(0);
+    if member.curvature <= most { given as usize * 2 / 3 } else { 0 }
+}
+
 /// The lowest `count` pairs of an operator of the family, by the dense eigensolver: an answer depends on nothing that was asked before, takes the
 /// same time for every member, and no multiplet is too large. On the threads of the pool it is called from.
 ///
@@ -72,16 +87,17 @@ pub fn spectrum(family: &FamilyBasis, member: Member, count: usize) -> Result<Sp
         let reason = format!("must lie between 1 and {d}, the dimension of the family, not be {count}");
         return Err(FamilyError::Parameter { name: "count", reason });
     }
+    let covered = covered(family, member).min(count);
     if member == Member::default() {
         // The Laplacian: its pairs are the coordinates.
         let eigenvalues = family.eigenvalues[..count].to_vec();
         let mut coefficients = DenseMatrix::zeros(d, count);
         (0..count).for_each(|k| coefficients.column_mut(k)[k] = 1.0);
-        return Ok(Spectrum { eigenvalues, coefficients });
+        return Ok(Spectrum { eigenvalues, coefficients, covered });
     }
     let matrix = family.combined(1.0 - member.extrinsic, member.extrinsic, member.curvature);
     let pairs = lowest_symmetric(matrix, count, &Unwatched)?;
-    Ok(Spectrum { eigenvalues: pairs.values, coefficients: pairs.vectors })
+    Ok(Spectrum { eigenvalues: pairs.values, coefficients: pairs.vectors, covered })
 }
 
 #[cfg(test)]

@@ -82,6 +82,20 @@ fn members_between_the_anchors_have_the_values_of_their_operators() {
     }
 }
 
+/// Beyond the last anchor values are far off: the answer says that it does not cover them.
+#[test]
+fn members_that_the_space_was_not_made_for_are_said_not_to_be_covered() {
+    let mesh = generate(Shape::Knot, 1500).unwrap();
+    let basis = restricted(&mesh, 400);
+    let covered = |t, v, count| spectrum(&basis, Member { extrinsic: t, curvature: v }, count).unwrap().covered;
+    // A sixth of the dimension and a tenth more for each anchor, and two thirds of that.
+    assert_eq!([covered(0.3, 0.0, 40), covered(0.3, 20.0, 200), covered(0.0, 20.1, 40)], [40, 49, 0]);
+    // All functions there are: every value is exact.
+    let whole = restricted(&generate(Shape::Torus, 300).unwrap(), 400);
+    let found = spectrum(&whole, Member { extrinsic: 0.2, curvature: 1e4 }, 60).unwrap();
+    assert_eq!(found.covered, 60);
+}
+
 #[test]
 fn eigenfunctions_are_orthonormal_and_the_approximation_is_close_to_a_finer_one() {
     let mesh = generate(Shape::Knot, 3000).unwrap();

@@ -2,6 +2,10 @@
 
 use chladni_algebra::PanelMatrix;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+/// The kind of the jobs that solve parts, and of what they leave behind.
+pub const EIGENBASIS_PART: &str = "eigenbasis_part";
 
 /// Neighbouring slices share so many pairs to either side of where they meet.
 pub(crate) const SHARED: usize = 8;
@@ -113,4 +117,67 @@ pub struct Part {
     pub number: usize,
     /// Its slices from the lowest up; or why they were given up, so that the problem has to be solved in one piece.
     pub slices: Result<Vec<PartSlice>, String>,
+}
+
+/// A part as it is kept until it is joined: the bytes of its NPZ file, and what its head says. It is decoded when its turn comes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StoredPart {
+    content: Vec<u8>,
+    plan: PartPlan,
+    number: usize,
+    about: Value,
+}
+
+impl StoredPart {
+    /// A part by its file, and by what the head of that says.
+    pub(crate) fn of_file(content: Vec<u8>, plan: PartPlan, number: usize, about: Value) -> Self {
+        Self { content, plan, number, about }
+    }
+
+    /// The bytes of the NPZ file.
+    pub fn content(&self) -> &[u8] {
+        &self.content
+    }
+
+    /// Of what it is a part.
+    pub fn plan(&self) -> &PartPlan {
+        &self.plan
+    }
+
+    /// Which one, from 0.
+    pub fn number(&self) -> usize {
+        self.number
+    }
+
+    /// What its maker wants to be known when it is joined.
+    pub fn about(&self) -> &Value {
+        &self.about
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// A part of two slices of three unknowns.
+    pub fn small_part() -> Part {
+        let slice = |from: usize, values: &[f64]| PartSlice {
+            from,
+            values: values.to_vec(),
+            vectors: PanelMatrix::zeros(3, values.len()),
+            count: PartCount { shift: 1.5, below: from + 1, radius: 1e-12 },
+        };
+        let problem = Fingerprint { unknowns: 3, entries: 7, products: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0] };
+        let plan = PartPlan {
+            version: "1".to_owned(),
+            problem,
+            parts: 2,
+            slices: 2,
+            pairs: 8,
+            kernel: 1,
+            tolerance: 1e-6,
+            seed: 0,
+        };
+        Part { plan, number: 1, slices: Ok(vec![slice(4, &[1.0, 2.0]), slice(6, &[2.0, 3.0])]) }
+    }
 }

@@ -9,7 +9,7 @@ use serde_json::{Map, Value, json};
 
 use super::family::FamilyBasis;
 use super::modal::{ModalBasis, ModalFunctions};
-use super::{Basis, Functions, MAP_COLLECTION, StoredFields, StoredMaps};
+use super::{Basis, EIGENBASIS_PART, Functions, MAP_COLLECTION, StoredFields, StoredMaps, StoredPart};
 
 /// What a job left behind. Cheap to clone.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,6 +26,8 @@ pub enum Product {
     PencilBasis(Arc<Basis>),
     /// The maps between all shapes of a collection.
     MapCollection(Arc<StoredMaps>),
+    /// A part of an eigenbasis, for the job that joins it with the others: no basis by itself.
+    EigenbasisPart(Arc<StoredPart>),
 }
 
 /// The kinds of product. Each bears the name of the kind of job that makes it.
@@ -43,6 +45,8 @@ pub enum ProductKind {
     PencilBasis,
     /// The maps between all shapes of a collection.
     MapCollection,
+    /// A part of an eigenbasis, for the job that joins it with the others.
+    EigenbasisPart,
 }
 
 /// What the record of a product shows.
@@ -70,13 +74,14 @@ pub struct Summary {
 
 impl ProductKind {
     /// Every kind.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Eigenbasis,
         Self::FieldBasis,
         Self::OperatorFamily,
         Self::VibrationBasis,
         Self::PencilBasis,
         Self::MapCollection,
+        Self::EigenbasisPart,
     ];
 
     /// The name on the wire and in the table.
@@ -88,6 +93,7 @@ impl ProductKind {
             Self::VibrationBasis => "vibration_basis",
             Self::PencilBasis => PENCIL,
             Self::MapCollection => MAP_COLLECTION,
+            Self::EigenbasisPart => EIGENBASIS_PART,
         }
     }
 
@@ -107,12 +113,16 @@ impl Product {
             Self::VibrationBasis(_) => ProductKind::VibrationBasis,
             Self::PencilBasis(_) => ProductKind::PencilBasis,
             Self::MapCollection(_) => ProductKind::MapCollection,
+            Self::EigenbasisPart(_) => ProductKind::EigenbasisPart,
         }
     }
 
     /// What its record shows.
     pub fn summary(&self) -> Summary {
         let mut summary = self.own_summary();
+        if let (Self::Eigenbasis(_), Some(parts)) = (self, self.metadata().get(PARTS)) {
+            summary.details[PARTS] = parts.clone();
+        }
         for name in notes::ALL {
             if let Some(list) = self.metadata().get(name) {
                 summary.details[name] = list.clone();
@@ -133,6 +143,7 @@ impl Product {
             Self::OperatorFamily(family) => &family.metadata,
             Self::VibrationBasis(modes) => &modes.metadata,
             Self::MapCollection(maps) => &maps.metadata,
+            Self::EigenbasisPart(part) => part.about(),
         }
     }
 
@@ -216,10 +227,16 @@ impl Product {
                 dense_bytes: 8 * (maps.maps.len() * maps.size().pow(2)) as u64,
                 ..Summary::default()
             },
+            Self::EigenbasisPart(part) => Summary {
+                rows: part.plan().problem.unknowns,
+                details: part.about().clone(),
+                dense_bytes: part.content().len() as u64,
+                ..Summary::default()
+            },
         }
     }
 
-    /// Adds members to what is told of how the product was made.
+    /// Adds members to what is told of how the product was made; not to a part, which says of itself what the join needs.
     pub fn describe(&mut self, members: Map<String, Value>) {
         let metadata = match self {
             Self::Eigenbasis(basis) | Self::PencilBasis(basis) => &mut Arc::make_mut(basis).metadata,
@@ -227,6 +244,7 @@ impl Product {
             Self::OperatorFamily(family) => &mut Arc::make_mut(family).metadata,
             Self::VibrationBasis(modes) => &mut Arc::make_mut(modes).metadata,
             Self::MapCollection(maps) => &mut Arc::make_mut(maps).metadata,
+            Self::EigenbasisPart(_) => return,
         };
         if let Some(object) = metadata.as_object_mut() {
             object.extend(members);
@@ -241,6 +259,7 @@ impl Product {
             Self::OperatorFamily(family) => family.stored_bytes(),
             Self::VibrationBasis(modes) => modes.stored_bytes(),
             Self::MapCollection(maps) => maps.stored_bytes(),
+            Self::EigenbasisPart(part) => part.content().len() as u64,
         }
     }
 
@@ -274,6 +293,9 @@ impl Product {
     }
 }
 
+/// Where the metadata of an eigenbasis say of what parts it was joined.
+pub const PARTS: &str = "parts";
+
 /// What the metadata of a basis of a pencil name as its kind.
 pub const PENCIL: &str = "pencil_basis";
 
@@ -304,6 +326,12 @@ impl From<StoredMaps> for Product {
     }
 }
 
+impl From<StoredPart> for Product {
+    fn from(part: StoredPart) -> Self {
+        Self::EigenbasisPart(Arc::new(part))
+    }
+}
+
 impl From<ModalBasis> for Product {
     fn from(modes: ModalBasis) -> Self {
         Self::VibrationBasis(Arc::new(modes))
@@ -317,6 +345,7 @@ mod tests {
     use super::*;
     use crate::basis::field::tests::small_fields;
     use crate::basis::maps::tests::small_maps;
+    use crate::basis::part::tests::small_part;
     use crate::basis::tests::small_basis;
 
     fn small_family() -> FamilyBasis {
@@ -368,6 +397,7 @@ mod tests {
             small_modes(false).into(),
             Basis { metadata: json!({"kind": PENCIL, "moved": 0.5}), ..small_basis(true) }.into(),
             small_maps().into(),
+            StoredPart::new(&small_part(), json!({"seconds": 0.5})).unwrap().into(),
         ];
         assert!(ProductKind::ALL.iter().all(|kind| products.iter().any(|product| product.kind() == *kind)));
         for product in products {

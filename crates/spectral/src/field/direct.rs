@@ -99,7 +99,7 @@ impl<const B: usize> Direct<B> {
         }
         let matrix = ordered(stiffness, &self.order, &self.places);
         let masses = self.order.iter().flat_map(|&face| std::iter::repeat_n(mass[face as usize], B)).collect();
-        let factor = self.symbolic.factor_alone(&matrix, &MassMatrix::Diagonal(masses), -gamma)?;
+        let factor = self.symbolic.factor(&matrix, &MassMatrix::Diagonal(masses), -gamma)?;
         let numbers = factor.into_numbers();
         let made = Arc::new(ShiftedFactor { gamma, numbers, halves: Mutex::default(), idle: OnceLock::new() });
         let mut kept = lock();

@@ -81,16 +81,8 @@ pub(super) fn solve(matrix: &SparseMatrix, x: &mut PanelMatrix, monitor: &dyn Mo
     })
 }
 
-/// From so many entries on the numbers of a factor are computed on all threads.
-const LARGE_FACTOR: usize = 1 << 24;
-
 fn numbers(symbolic: &SymbolicFactor, matrix: &SparseMatrix, none: &MassMatrix) -> Result<FactorNumbers, FactorError> {
-    let factor = if symbolic.entries() > LARGE_FACTOR {
-        symbolic.factor_alone(matrix, none, 0.0)
-    } else {
-        symbolic.factor(matrix, none, 0.0)
-    };
-    Ok(factor?.into_numbers())
+    Ok(symbolic.factor(matrix, none, 0.0)?.into_numbers())
 }
 
 /// A symmetric positive definite matrix, factored to be kept.

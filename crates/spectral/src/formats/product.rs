@@ -5,7 +5,7 @@ use std::io::{Seek, Write};
 use chladni_mesh::numbering::Numbering;
 
 use super::npz::{self, FormatError};
-use crate::basis::{Product, ProductKind};
+use crate::basis::{Product, ProductKind, StoredPart};
 
 impl Product {
     /// Writes the product as an NPZ file. Equal products give equal bytes.
@@ -32,6 +32,10 @@ impl Product {
             Self::VibrationBasis(modes) => npz::write_modes(modes, numbering, out),
             // Each of its shapes has a numbering of its own, which it holds.
             Self::MapCollection(maps) => npz::write_maps(maps, out),
+            Self::EigenbasisPart(part) => {
+                let mut out = out;
+                Ok(out.write_all(part.content())?)
+            }
         }
     }
 
@@ -46,6 +50,7 @@ impl Product {
             ProductKind::OperatorFamily => npz::read_family(bytes)?.into(),
             ProductKind::VibrationBasis => npz::read_modes(bytes)?.into(),
             ProductKind::MapCollection => npz::read_maps(bytes)?.into(),
+            ProductKind::EigenbasisPart => StoredPart::of_bytes(bytes.to_vec())?.into(),
         };
         if found.kind() != kind {
             return Err(FormatError::Member {

@@ -218,7 +218,7 @@ impl Ordered {
     /// # Errors
     /// [`FactorError`]: a shift on an eigenvalue, or no memory.
     pub fn below(&self, shift: f64) -> Result<usize, FactorError> {
-        Ok(self.symbolic.factor(&self.stiffness, &self.mass, shift)?.eigenvalues_below())
+        Ok(self.symbolic.count(&self.stiffness, &self.mass, shift)?.below)
     }
 }
 

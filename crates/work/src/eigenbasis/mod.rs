@@ -3,6 +3,7 @@
 mod approximation;
 mod auto;
 mod compact;
+mod division;
 mod duration;
 mod exact;
 mod hodge;
@@ -22,9 +23,10 @@ use serde_json::Value;
 
 pub use approximation::{Accuracy, Approximate, Construction};
 pub use auto::Auto;
+pub use division::{Automatic, MOST_PARTS, Parts};
 pub(crate) use exact::{AT_MOST, within};
 pub use exact::{Exact, Start, StorageKind};
-pub use parts::{MadePart, PartSource};
+pub use parts::{MadePart, PartJob, PartSource};
 pub use request::{HsimVariant, MethodName};
 
 pub(crate) use request::Request;
@@ -58,6 +60,8 @@ pub struct EigenbasisParameters {
     pub method: Method,
     /// Seeds everything that is drawn at random.
     pub seed: u64,
+    /// Into how many parts a server divides the job; `None` where it stays whole.
+    pub parts: Option<Parts>,
 }
 
 /// How eigenpairs are computed.
@@ -146,7 +150,11 @@ impl EigenbasisParameters {
             parts.fixed.sort_unstable();
             parts.fixed.dedup();
         }
-        Ok(Self { operator, method, seed: request.seed.unwrap_or(0) })
+        let read = Self { operator, method, seed: request.seed.unwrap_or(0), parts: None };
+        match request.parts {
+            Some(parts) => read.in_parts(parts),
+            None => Ok(read),
+        }
     }
 
     /// The parameters with every default filled in; [`parse`](Self::parse) reads them back.
@@ -157,6 +165,7 @@ impl EigenbasisParameters {
             boundary: Some(self.operator.boundary),
             seed: Some(self.seed),
             method: self.method_name(),
+            parts: self.parts,
             ..Request::default()
         };
         match &self.method {
@@ -184,9 +193,9 @@ impl EigenbasisParameters {
     }
 
     /// The parameters as a basis carries them. Values of a potential and weights of faces, which may be more than everything else, stay out, and the
-    /// operator with them.
+    /// operator with them; and what is no matter of the result.
     fn to_be_recorded(&self) -> Value {
-        let mut parameters = self.canonical();
+        let mut parameters = crate::of_result(self.canonical());
         let long = matches!(
             &self.operator.operator,
             OperatorKind::Hamiltonian { potential: Potential::Values(_) } | OperatorKind::Weighted(_)
@@ -429,7 +438,7 @@ impl Work for EigenbasisParameters {
             let surface = 24 * mesh.vertices as u64 + 12 * mesh.faces as u64;
             return surface + nested::bytes_of(&self.operator.operator, &self.method, mesh) + (64 << 20);
         }
-        self.memory_bytes(mesh.vertices, mesh.faces)
+        self.memory_bytes(mesh.vertices, mesh.faces) + self.joined_bytes(mesh.vertices)
     }
 
     fn seconds(&self, mesh: MeshSize) -> Option<f64> {

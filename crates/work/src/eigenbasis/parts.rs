@@ -2,15 +2,18 @@
 
 use std::num::NonZeroUsize;
 
+use chladni_base::notes::FALLBACKS;
 use chladni_base::{Monitor, StageClock};
 use chladni_mesh::points::are_points;
 use chladni_mesh::{TetMesh, TriangleMesh};
-use chladni_spectral::basis::{Basis, Part, Product};
+use chladni_spectral::basis::{Basis, EIGENBASIS_PART, Part, Product};
 use chladni_spectral::spectrum::hsim::parts::{PartError, Parted};
 use chladni_spectral::spectrum::hsim::{HsimParameters, Variant, Wanted};
 
-use super::{EigenbasisParameters, Exact, Method, StorageKind, value};
-use crate::{JobError, JobParameters, MeshSize, Outcome, ParameterError, SOLVER_VERSION};
+use serde_json::{Value, json};
+
+use super::{EigenbasisParameters, Exact, Method, Parts, StorageKind, value};
+use crate::{JobError, JobParameters, MeshSize, Outcome, ParameterError, SOLVER_VERSION, hash_of};
 
 /// Pairs that slices have beyond their share, those of their neighbours and guards.
 const BESIDE: usize = 64;
@@ -28,6 +31,18 @@ pub struct MadePart {
 pub type PartSource<'a> = dyn FnMut(usize) -> Result<Part, PartError> + 'a;
 
 impl EigenbasisParameters {
+    /// The same job, divided.
+    pub(super) fn in_parts(mut self, parts: Parts) -> Result<Self, ParameterError> {
+        let exact = self.divisible()?;
+        let pairs = match exact.solver.wanted {
+            Wanted::Count(count) => Some(count),
+            // How many there are is not known before they are counted.
+            Wanted::Below { .. } | Wanted::Between { .. } => None,
+        };
+        self.parts = parts.checked(pairs)?;
+        Ok(self)
+    }
+
     /// The method, where it can be divided.
     fn divisible(&self) -> Result<&Exact, ParameterError> {
         let refused = |name: &'static str, reason: &str| Err(value(name, format!("{reason} is not solved in parts")));
@@ -44,11 +59,19 @@ impl EigenbasisParameters {
         Ok(exact)
     }
 
-    /// Does some work with the problem divided.
+    /// Bytes that a job needs beside those of a whole one to join its parts: one as it was stored, and decoded.
+    pub(super) fn joined_bytes(&self, vertices: usize) -> u64 {
+        let Some(parts) = self.parts else { return 0 };
+        let parts = parts.number().map_or(2, NonZeroUsize::get);
+        let share = (self.most_pairs().div_ceil(parts) + BESIDE).min(vertices);
+        2 * 8 * (vertices * share) as u64
+    }
+
+    /// Does some work with the problem divided, by a version of the solver.
     fn with_parts<T>(
         &self,
         mesh: &TriangleMesh,
-        parts: NonZeroUsize,
+        (parts, version): (Option<NonZeroUsize>, &str),
         monitor: &dyn Monitor,
         work: impl FnOnce(&Exact, Parted<'_>, &super::MeshOperator) -> Result<T, JobError>,
     ) -> Result<T, JobError> {
@@ -65,7 +88,8 @@ impl EigenbasisParameters {
             None => (self.assemble(mesh, None, monitor)?, mesh),
         };
         let solver = HsimParameters { seed: self.seed, ..exact.solver };
-        let parted = Parted::new(mesh, &operator.problem, &solver, Some(parts.get()), SOLVER_VERSION, monitor)?;
+        let parts = parts.map(NonZeroUsize::get);
+        let parted = Parted::new(mesh, &operator.problem, &solver, parts, version, monitor)?;
         work(exact, parted, &operator)
     }
 
@@ -74,11 +98,11 @@ impl EigenbasisParameters {
         &self,
         mesh: &TriangleMesh,
         solid: Option<&TetMesh>,
-        parts: NonZeroUsize,
+        (parts, version): (NonZeroUsize, &str),
         part: &mut PartSource<'_>,
         monitor: &dyn Monitor,
     ) -> Result<Basis, JobError> {
-        self.with_parts(mesh, parts, monitor, |exact, parted, operator| {
+        self.with_parts(mesh, (Some(parts), version), monitor, |exact, parted, operator| {
             let pairs = parted.join(part)?;
             let mut basis = exact.stored(pairs, operator, monitor)?;
             self.describe(&mut basis, operator, self.method_name().name(), solid);
@@ -88,6 +112,78 @@ impl EigenbasisParameters {
 }
 
 impl JobParameters {
+    /// Into how many parts the job asks to be divided; `None` where it stays whole.
+    pub fn parts(&self) -> Option<Parts> {
+        match self {
+            Self::Eigenbasis(parameters) => parameters.parts,
+            _ => None,
+        }
+    }
+
+    /// Into how many parts a job is divided that asks for it, where `workers` may solve them at once; `None` where it is solved in one piece for want
+    /// of workers, and in words why it is where a number of parts was asked for that the problem does not give. What it was divided into `before` it is
+    /// divided into again, so that parts which are done are found.
+    ///
+    /// # Errors
+    /// [`JobError`], as [`run`](Self::run).
+    pub fn plan_parts(
+        &self,
+        mesh: &TriangleMesh,
+        solid: Option<&TetMesh>,
+        workers: usize,
+        before: Option<NonZeroUsize>,
+        monitor: &dyn Monitor,
+    ) -> Result<Result<Option<NonZeroUsize>, String>, JobError> {
+        let Some(parts) = self.parts() else { return Ok(Ok(None)) };
+        let asked = parts.number().or(before);
+        if asked.is_none() && workers < 2 {
+            return Ok(Ok(None));
+        }
+        monitor.stage("plan");
+        let parameters = self.divided(mesh, solid)?;
+        let planned =
+            parameters.with_parts(mesh, (asked, SOLVER_VERSION), monitor, |_, parted, _| Ok(parted.plan().parts));
+        match planned {
+            Ok(natural) => {
+                let parts = asked.map_or(natural.min(workers).min(super::MOST_PARTS), NonZeroUsize::get);
+                Ok(Ok(NonZeroUsize::new(parts).filter(|parts| parts.get() > 1)))
+            }
+            // Whoever leaves the number to the server leaves it to it to divide nothing.
+            Err(JobError::Parts(PartError::Unsuited { .. })) if parts.number().is_none() => Ok(Ok(None)),
+            Err(JobError::Parts(error @ PartError::Unsuited { .. })) => Ok(Err(error.to_string())),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Runs a job in one piece that was to be divided, and notes why it was not.
+    ///
+    /// # Errors
+    /// As [`run_body`](Self::run_body).
+    pub fn run_whole(
+        &self,
+        mesh: &TriangleMesh,
+        solid: Option<&TetMesh>,
+        reason: &str,
+        monitor: &dyn Monitor,
+    ) -> Result<Outcome, JobError> {
+        self.check_mesh(MeshSize::of_body(mesh, solid))?;
+        self.outcome(mesh, monitor, |clock| {
+            clock.note(FALLBACKS, &format!("parts of the spectrum: {reason}"));
+            self.work().run_body(mesh, solid, clock)
+        })
+    }
+
+    /// The jobs that solve the parts.
+    pub fn part_jobs(&self, parts: NonZeroUsize) -> impl Iterator<Item = PartJob> {
+        let whole = match self {
+            Self::Eigenbasis(parameters) => {
+                Self::Eigenbasis(EigenbasisParameters { parts: None, ..parameters.clone() })
+            }
+            other => other.clone(),
+        };
+        (0..parts.get()).map(move |number| PartJob { whole: whole.clone(), number, parts })
+    }
+
     /// An estimate of the memory that one of so many parts needs, in bytes.
     pub fn part_memory_bytes(&self, mesh: MeshSize, parts: NonZeroUsize) -> u64 {
         let Self::Eigenbasis(parameters) = self else { return self.memory_bytes(mesh) };
@@ -95,7 +191,8 @@ impl JobParameters {
         let share = exact.most_pairs().div_ceil(parts.get()) + BESIDE;
         let solver = HsimParameters { wanted: Wanted::Count(share.min(exact.most_pairs())), ..exact.solver };
         let method = Method::Exact(Exact { solver, ..exact.clone() });
-        Self::Eigenbasis(EigenbasisParameters { method, ..parameters.clone() }).memory_bytes(mesh)
+        let of_part = EigenbasisParameters { method, parts: None, ..parameters.clone() };
+        Self::Eigenbasis(of_part).memory_bytes(mesh)
     }
 
     /// Solves one part of a problem, counted from 0, on the rayon pool of the calling thread.
@@ -109,9 +206,25 @@ impl JobParameters {
         (number, parts): (usize, NonZeroUsize),
         monitor: &dyn Monitor,
     ) -> Result<MadePart, JobError> {
+        self.solve_part_as(mesh, solid, (number, parts), SOLVER_VERSION, monitor)
+    }
+
+    /// The same as by a version of the solver, for a join as by that one.
+    ///
+    /// # Errors
+    /// As [`solve_part`](Self::solve_part).
+    pub fn solve_part_as(
+        &self,
+        mesh: &TriangleMesh,
+        solid: Option<&TetMesh>,
+        (number, parts): (usize, NonZeroUsize),
+        version: &str,
+        monitor: &dyn Monitor,
+    ) -> Result<MadePart, JobError> {
         let parameters = self.divided(mesh, solid)?;
         let clock = StageClock::new(monitor);
-        let part = parameters.with_parts(mesh, parts, &clock, |_, parted, _| Ok(parted.solve(number)?))?;
+        let part =
+            parameters.with_parts(mesh, (Some(parts), version), &clock, |_, parted, _| Ok(parted.solve(number)?))?;
         Ok(MadePart { part, seconds: clock.finish() })
     }
 
@@ -127,8 +240,23 @@ impl JobParameters {
         part: &mut PartSource<'_>,
         monitor: &dyn Monitor,
     ) -> Result<Outcome, JobError> {
+        self.join_parts_as(mesh, solid, (parts, SOLVER_VERSION), part, monitor)
+    }
+
+    /// The same for parts that were made as by a version of the solver.
+    ///
+    /// # Errors
+    /// As [`join_parts`](Self::join_parts).
+    pub fn join_parts_as(
+        &self,
+        mesh: &TriangleMesh,
+        solid: Option<&TetMesh>,
+        of: (NonZeroUsize, &str),
+        part: &mut PartSource<'_>,
+        monitor: &dyn Monitor,
+    ) -> Result<Outcome, JobError> {
         let parameters = self.divided(mesh, solid)?;
-        self.outcome(mesh, monitor, |clock| parameters.join(mesh, solid, parts, part, clock).map(Product::from))
+        self.outcome(mesh, monitor, |clock| parameters.join(mesh, solid, of, part, clock).map(Product::from))
     }
 
     /// The only kind that is solved in parts.
@@ -141,13 +269,50 @@ impl JobParameters {
     }
 }
 
+/// A job that solves one part of another.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PartJob {
+    /// What it is a part of, as it is solved in one piece.
+    pub whole: JobParameters,
+    /// Which part, from 0.
+    pub number: usize,
+    /// Of how many.
+    pub parts: NonZeroUsize,
+}
+
+impl PartJob {
+    /// Its parameters as JSON, in which parts are counted from 1; equal parts have equal ones.
+    pub fn canonical(&self) -> Value {
+        json!({ "part": self.number + 1, "of": self.parts, "parameters": self.whole.canonical() })
+    }
+
+    /// Reads what [`canonical`](Self::canonical) gives.
+    ///
+    /// # Errors
+    /// [`ParameterError`] names what does not fit.
+    pub fn read(parameters: &Value) -> Result<Self, ParameterError> {
+        let number = |name: &str| parameters[name].as_u64().and_then(|number| usize::try_from(number).ok());
+        let form = |reason: &str| ParameterError::Form { kind: EIGENBASIS_PART, reason: reason.to_owned() };
+        let parts =
+            number("of").and_then(NonZeroUsize::new).ok_or_else(|| form("\"of\" is not how many parts there are"))?;
+        let part = number("part").filter(|part| (1..=parts.get()).contains(part));
+        let part = part.ok_or_else(|| form("\"part\" is none of so many"))?;
+        let whole = JobParameters::parse("eigenbasis", &parameters["parameters"])?;
+        Ok(Self { whole, number: part - 1, parts })
+    }
+
+    /// The key of equal parts, as by a version of the solver.
+    pub fn work_key(&self, mesh: &str, version: &str) -> String {
+        hash_of(&(mesh, EIGENBASIS_PART, self.canonical(), version))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use chladni_base::Unwatched;
     use chladni_mesh::shape::{Shape, generate};
     use chladni_spectral::basis::Interval;
-    use serde_json::{Value, json};
 
     fn parts(number: usize) -> NonZeroUsize {
         NonZeroUsize::new(number).unwrap()
@@ -222,5 +387,42 @@ mod tests {
         let [one, four] = [1, 4].map(|number| job.part_memory_bytes(size, parts(number)));
         assert_eq!(one, job.memory_bytes(size));
         assert!(2 * four < one, "{four} of {one}");
+    }
+
+    #[test]
+    fn a_job_is_divided_by_its_pairs_and_by_who_may_solve_them() {
+        let mesh = generate(Shape::Genus(2), 1200).unwrap();
+        let planned = |parameters: Value, workers: usize, before: Option<usize>| {
+            let before = before.and_then(NonZeroUsize::new);
+            let plan = job(parameters).plan_parts(&mesh, None, workers, before, &Unwatched).unwrap();
+            plan.map(|parts| parts.map_or(1, NonZeroUsize::get))
+        };
+        let auto = json!({"method": "hsim", "count": 400, "tolerance": 1e-4, "parts": "auto"});
+        let many = [1, 2, 3, 8].map(|workers| planned(auto.clone(), workers, None));
+        // Of some 250 pairs each, and not without a second worker.
+        assert_eq!(many, [Ok(1), Ok(2), Ok(2), Ok(2)]);
+        let few = |parts: Value| json!({"method": "hsim", "count": 130, "tolerance": 1e-6, "parts": parts});
+        assert_eq!(planned(few(json!(2)), 1, None), Ok(2));
+        assert_eq!(planned(few(json!("auto")), 4, None), Ok(1));
+        assert_eq!(planned(few(json!("auto")), 1, Some(2)), Ok(2));
+        let below = json!({"method": "hsim", "below": 10.0, "parts": 8});
+        let reason = planned(below, 1, None).unwrap_err();
+        assert!(reason.contains("not solved in parts"), "{reason}");
+    }
+
+    #[test]
+    fn jobs_of_parts_are_read_back_and_equal_where_what_they_solve_is() {
+        let divided = job(json!({"method": "hsim", "count": 300, "parts": 3}));
+        let other = job(json!({"method": "hsim", "count": 300, "parts": "auto"}));
+        let made: Vec<PartJob> = divided.part_jobs(parts(3)).collect();
+        assert_eq!(made, other.part_jobs(parts(3)).collect::<Vec<_>>());
+        let keys: std::collections::HashSet<String> = made.iter().map(|part| part.work_key("a mesh", "1")).collect();
+        assert_eq!(keys.len(), 3);
+        for part in made {
+            assert_eq!(PartJob::read(&part.canonical()), Ok(part));
+        }
+        for wrong in [json!({}), json!({"of": 2, "part": 3}), json!({"of": 0, "part": 0})] {
+            assert!(PartJob::read(&wrong).is_err(), "{wrong}");
+        }
     }
 }

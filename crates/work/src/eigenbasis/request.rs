@@ -7,7 +7,7 @@ use chladni_spectral::spectrum::heat::HeatParameters;
 use chladni_spectral::spectrum::radial::RadialParameters;
 use serde::{Deserialize, Serialize};
 
-use super::{Accuracy, Construction, Start, StorageKind};
+use super::{Accuracy, Construction, Parts, Start, StorageKind};
 use crate::ParameterError;
 use crate::packed::Packed;
 
@@ -136,6 +136,12 @@ pub struct Request {
     #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 4, example = 1.5))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub subspace_factor: Option<f64>,
+    /// Into how many parts a server divides the job, for several workers to solve at once: a number of parts of 64 pairs at least, or `auto`. The job
+    /// waits for its parts without a worker, and joins them. Not divided, unless it is given; the result is the same but for rounding. Of the variant
+    /// `sliced`, on surfaces, stored as columns.
+    #[cfg_attr(feature = "schema", schema(inline))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub parts: Option<Parts>,
     /// How eigenfunctions are stored; `dense`, unless it is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub storage: Option<StorageKind>,
@@ -175,6 +181,7 @@ const BELONGINGS: &[(&str, &[MethodName])] = &[
     ("shift_ratio", HSIM),
     ("subspace_factor", EXACT),
     ("storage", EXACT),
+    ("parts", HSIM),
 ];
 
 /// Whether a method, by its name on the wire, takes a member.

@@ -2,7 +2,7 @@
 //! text `part`: the plan, the number of the part, where slices begin, their counts, or why they were given up; and whatever its maker wants to know when the
 //! parts are joined.
 
-use std::io::{Read, Seek, Write};
+use std::io::{Cursor, Read, Seek, Write};
 
 use chladni_algebra::{PANEL_WIDTH, PanelMatrix};
 use chladni_mesh::npy::NpyHeader;
@@ -11,7 +11,7 @@ use zip::{ZipArchive, ZipWriter};
 
 use super::read::{Archive, Frame, check_sums};
 use super::{FormatError, Members, wrong};
-use crate::basis::{Part, PartCount, PartPlan, PartSlice};
+use crate::basis::{Part, PartCount, PartPlan, PartSlice, StoredPart};
 
 /// More slices than this no part has.
 const MOST_SLICES: usize = 1000;
@@ -123,6 +123,28 @@ pub fn read_part_head<R: Read + Seek>(file: R) -> Result<(PartPlan, usize, serde
     let (_, text) = NpyHeader::parse(&bytes).map_err(|error| wrong("part", error.to_string()))?;
     let head: Head = serde_json::from_slice(text).map_err(|error| wrong("part", error.to_string()))?;
     Ok((head.plan, head.number, head.about))
+}
+
+impl StoredPart {
+    /// Encodes a part, with what is to be known about it.
+    ///
+    /// # Errors
+    /// [`FormatError`], as [`write_part`].
+    pub fn new(part: &Part, about: serde_json::Value) -> Result<Self, FormatError> {
+        let numbers = part.slices.iter().flatten().map(|slice| slice.values.len() * (slice.vectors.rows() + 1));
+        let mut out = Cursor::new(Vec::with_capacity(8 * numbers.sum::<usize>() + (1 << 14)));
+        write_part(part, &about, &mut out)?;
+        Ok(Self::of_file(out.into_inner(), part.plan.clone(), part.number, about))
+    }
+
+    /// Takes up what [`new`](Self::new) encoded. Of the slices nothing is looked at.
+    ///
+    /// # Errors
+    /// [`FormatError`] where that is no part.
+    pub fn of_bytes(content: Vec<u8>) -> Result<Self, FormatError> {
+        let (plan, number, about) = read_part_head(Cursor::new(&content))?;
+        Ok(Self::of_file(content, plan, number, about))
+    }
 }
 
 /// Rows of `k` numbers as panels.

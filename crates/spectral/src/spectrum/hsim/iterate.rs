@@ -25,7 +25,7 @@ use super::kernel::Kernel;
 use super::level::Level;
 use super::ritz::ritz;
 use super::segments::Cuts;
-use super::shifts::{Group, factor_near, groups};
+use super::shifts::{Group, count_near, factor_near, groups};
 use super::tuning::TUNING;
 
 /// How the columns of one level are iterated.
@@ -123,9 +123,9 @@ impl<'a> Iteration<'a> {
 
     /// Counts the eigenvalues below a shift.
     pub fn count(&mut self, shift: f64) -> Result<Count, HsimError> {
-        let storage = self.storage();
-        let (shift, factor) = factor_near(self.level, self.symbolic, shift, self.spread, storage)?;
-        Ok(self.counted(shift, factor))
+        let count = count_near(self.level, self.symbolic, shift, self.spread)?;
+        self.inertia.push(count);
+        Ok(count)
     }
 
     /// Writes down the count of a factor that is not needed any more.

@@ -6,7 +6,7 @@ use chladni_base::Monitor;
 use super::HsimError;
 use super::lanczos::Shift;
 use super::level::Level;
-use super::shifts::factor_near;
+use super::shifts::{count_near, factor_near};
 
 /// Eigenvalues above this share of the largest below zero are taken for zero.
 pub(super) const NEGLIGIBLE: f64 = 1e-10;
@@ -90,11 +90,7 @@ impl<'a> Scout<'a> {
     }
 
     fn count(&mut self, shift: f64) -> Result<usize, HsimError> {
-        let storage = std::mem::take(&mut self.storage);
-        let (_, factor) = factor_near(self.level, self.symbolic, shift, self.spread(), storage)?;
-        let below = factor.eigenvalues_below();
-        self.storage = factor.into_storage();
-        Ok(below)
+        Ok(count_near(self.level, self.symbolic, shift, self.spread())?.below)
     }
 
     /// Whether no eigenvalue lies below zero, up to rounding.

@@ -4,6 +4,7 @@ use chladni_algebra::{Factor, FactorError, PANEL_WIDTH, SymbolicFactor};
 
 use super::HsimError;
 use super::iterate::Plan;
+use super::judge::Count;
 use super::level::Level;
 
 /// Consecutive panels with one shift.
@@ -64,10 +65,29 @@ pub(super) fn factor_near<'a>(
     spread: f64,
     mut storage: Vec<f64>,
 ) -> Result<(f64, Factor<'a>), HsimError> {
+    near(shift, spread, |at| symbolic.factor_in(&level.stiffness, &level.mass, at, std::mem::take(&mut storage)))
+}
+
+/// The eigenvalues below the shift, or below one beside it where it lies on an eigenvalue, by a factor that is not kept.
+pub(super) fn count_near(
+    level: &Level,
+    symbolic: &SymbolicFactor,
+    shift: f64,
+    spread: f64,
+) -> Result<Count, HsimError> {
+    let (shift, count) = near(shift, spread, |at| symbolic.count(&level.stiffness, &level.mass, at))?;
+    Ok(Count { shift, below: count.below, radius: count.uncertainty })
+}
+
+fn near<T>(
+    shift: f64,
+    spread: f64,
+    mut factored: impl FnMut(f64) -> Result<T, FactorError>,
+) -> Result<(f64, T), HsimError> {
     let mut attempt = 0;
     loop {
         let beside = shift + f64::from(attempt) * (1e-7 * shift.abs() + 1e-12 * spread);
-        match symbolic.factor_in(&level.stiffness, &level.mass, beside, std::mem::take(&mut storage)) {
+        match factored(beside) {
             Err(FactorError::Singular { .. }) if attempt < 4 => attempt += 1,
             result => return Ok((beside, result?)),
         }

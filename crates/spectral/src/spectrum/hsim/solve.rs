@@ -16,7 +16,7 @@ use super::krylov;
 use super::lanczos;
 use super::level::Level;
 use super::segments::{Cuts, Sliced};
-use super::shifts::factor_near;
+use super::shifts::count_near;
 use super::slices;
 use super::tuning::TUNING;
 use super::{Eigenpairs, HsimError, HsimParameters, LevelReport, Wanted, published};
@@ -290,10 +290,7 @@ enum Estimate {
 /// `kernel` is the dimension of the kernel that is known exactly.
 fn estimate(finest: &Finest, bound: f64, kernel: usize) -> Result<Estimate, HsimError> {
     let (level, spread) = (&finest.level, finest.level.spread());
-    let count = |at: f64| -> Result<Count, HsimError> {
-        let (shift, factor) = factor_near(level, &finest.symbolic, at, spread, Vec::new())?;
-        Ok(Count::of(level, shift, &factor))
-    };
+    let count = |at: f64| count_near(level, &finest.symbolic, at, spread);
     let at = count(bound)?;
     if at.below == 0 {
         let above = count(bound + 3.0 * at.radius.min(spread))?;

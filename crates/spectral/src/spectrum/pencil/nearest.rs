@@ -75,8 +75,8 @@ impl Counter {
         let mut last = None;
         // Down first: what is counted too low is found in another round.
         for times in [0.0, -16.0, -64.0, 1e3, -1e4, 1e6] {
-            match self.symbolic.factor(&self.stiffness, &self.mass, shift + times * step) {
-                Ok(factor) => return Ok(factor.eigenvalues_below()),
+            match self.symbolic.count(&self.stiffness, &self.mass, shift + times * step) {
+                Ok(count) => return Ok(count.below),
                 Err(error @ FactorError::Singular { .. }) => last = Some(error),
                 Err(error) => return Err(error.into()),
             }
@@ -88,9 +88,8 @@ impl Counter {
     /// Whether a count at a shift, with `room` to the next eigenvalues on either side, proves that so many lie below.
     fn proves(&self, shift: f64, room: f64, below: usize) -> bool {
         let (at, room) = (shift / self.unit, room / self.unit);
-        self.symbolic.factor(&self.stiffness, &self.mass, at).is_ok_and(|factor| {
-            factor.eigenvalues_below() == below && factor.uncertainty(&self.stiffness, &self.mass, at) < room
-        })
+        let counted = self.symbolic.count(&self.stiffness, &self.mass, at);
+        counted.is_ok_and(|count| count.below == below && count.uncertainty < room)
     }
 }
 
