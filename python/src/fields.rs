@@ -100,6 +100,7 @@ impl NativeFields {
                 "alignment_energy": designed.design.alignment_energy,
                 "faces": designed.constraints.iter().map(|constraint| to.file_face(constraint.face)).collect::<Vec<_>>(),
                 "residuals": designed.design.residuals,
+                "space": if designed.refined.is_some() { "surface" } else { "basis" },
                 "error": designed.error,
                 "field_faces": field_faces,
             });

@@ -208,6 +208,7 @@ pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
     let file_faces = |faces: &Vec<u32>| faces.iter().map(|&face| to.file_face(face)).collect::<Vec<_>>();
     let field_faces = sampled.as_ref().map(file_faces);
     let Some(file) = output else {
+        let space = if designed.refined.is_some() { "surface" } else { "basis" };
         let design = designed.design;
         return print(&json!({
             "coefficients": design.coefficients,
@@ -216,6 +217,7 @@ pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
             "alignment_energy": design.alignment_energy,
             "faces": designed.constraints.iter().map(|constraint| to.file_face(constraint.face)).collect::<Vec<_>>(),
             "residuals": design.residuals,
+            "space": space,
             "error": designed.error,
             "field_faces": field_faces,
         }));

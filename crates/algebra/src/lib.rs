@@ -45,7 +45,7 @@ pub use eigen::{ComputedOn, CpuSolver, EigenError, EigenPairs, SymmetricDefinite
 pub use factor::{Factor, FactorError, FactorNumbers, SymbolicFactor};
 pub use factor_column::ColumnTree;
 pub use factor_count::EigenvalueCount;
-pub use factor_solve::{SolveScratch, SolveTree};
+pub use factor_solve::{HalfSolved, ReachTree, Sides, SolveScratch, SolveTree};
 pub use factored::{space_times, space_times_single, space_transposed_mass_times};
 pub use galerkin::{GalerkinError, galerkin};
 pub use independent::independent_columns;

@@ -66,7 +66,7 @@ pub struct LiftedField {
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(example = json!({
     "coefficients": [0.31, -0.02], "harmonic_energy": 4.81, "biharmonic_energy": 122.4, "alignment_energy": null,
-    "faces": [17, 4031], "residuals": [0.013, 0.0], "error": 0.011, "field": null,
+    "faces": [17, 4031], "residuals": [0.013, 0.0], "space": "surface", "error": 0.011, "field": null,
     "singularities": [{"vertex": 88, "index": 1.0}, {"vertex": 2101, "index": 1.0}], "index_sum": 2.0, "euler_characteristic": 2, "matching": null
 }))]
 struct DesignAnswer {
@@ -82,8 +82,11 @@ struct DesignAnswer {
     faces: Vec<u32>,
     /// For each constraint the length of what is missing, in stored numbers.
     residuals: Vec<f64>,
+    /// Which fields the field is the one of least energy of: `surface`, all fields of the surface, or `basis`, those of the space.
+    #[schema(example = "surface")]
+    space: &'static str,
     /// How far the field of the coefficients is from that of least energy among all fields of the surface, as a share of its length (norms by area).
-    /// With `refine` that field is the answer, and this is the distance; with `error` it is an estimate of it; else null.
+    /// Where that field is the answer, this is the distance; else with `error` an estimate of it, and without null.
     error: Option<f64>,
     /// The field on the faces, where `form` asks for it.
     field: Option<LiftedField>,
@@ -117,13 +120,14 @@ problems!(DesignFieldProblems: SOLVE BODY JSON [UNKNOWN_FIELD, INVALID_DESIGN, N
 /// ℝ³ or in the frame of the face (`GET /meshes/{id}/frames`); a stroke may be a line of points as well. Everything is sent again with each request:
 /// what does not change is kept by the server, a moved stroke costs one small solve. Send requests over one kept connection.
 ///
-/// A field of the space of the basis stands for one of all fields of the surface under the same constraints. With `error` the answer says how far it
-/// is from that one, with `refine` that one is the answer, to a tolerance: coefficients stay those of the basis, energies, residuals and the field
-/// are those of the refined one.
+/// On surfaces of up to 100,000 faces the field is the one of least energy among all fields of the surface, by sparse factors that are kept; energies and
+/// residuals are its own, coefficients are those of the field of the space that is nearest to it, and `error` is how far that is. On larger surfaces, and
+/// with `"space": "basis"`, it is a field of the space of the basis, which stands for that one: with `error` the answer says how far it is from it, with
+/// `refine` that one is the answer, to a tolerance. `space` in the answer says which of both it is.
 ///
 /// With `Accept: application/octet-stream` the answer is the lifted field as little-endian f32, f16 or octahedral directions (`encoding`), face after
 /// face, with its shape in `Chladni-Rows` and `Chladni-Columns`, the energies in `Chladni-Energies` (harmonic, biharmonic, alignment), the largest
-/// residual of a constraint in `Chladni-Residual`, and `error` in `Chladni-Error`. `faces` restricts it to some: 3,000 faces of a sample are 36,000
+/// residual of a constraint in `Chladni-Residual`, `space` in `Chladni-Space` and `error` in `Chladni-Error`. `faces` restricts it to some: 3,000 faces of a sample are 36,000
 /// bytes, half of that in f16, a third as octahedral directions, whatever the surface. Which faces a sample has is in `field.faces` of a JSON answer,
 /// and stays the same.
 #[utoipa::path(
@@ -134,12 +138,12 @@ problems!(DesignFieldProblems: SOLVE BODY JSON [UNKNOWN_FIELD, INVALID_DESIGN, N
         ("interpolation" = (summary = "Directions that are met exactly, aligned to curvature elsewhere", value = json!({"constraints": [{"face": 17, "direction": [0.0, 0.0, 1.0]}, {"point": [0.4, 0.0, 0.8], "direction": [1.0, 0.0, 0.0]}], "alignment": {"to": "curvature", "weight": 2.0, "per_face": "anisotropy"}}))),
         ("smoothing" = (summary = "Smoothed curvature tensors: the weights steer how smooth", value = json!({"weights": {"harmonic": 0.01, "biharmonic": 0.0001}, "alignment": {"to": "curvature", "weight": 1.0}}))),
         ("sample" = (summary = "A sample of faces, and how far the design is from that of the whole surface", value = json!({"strokes": [{"face": 17, "direction": [0.0, 0.0, 1.0]}], "faces": {"sample": 3000}, "error": true}))),
-        ("refined" = (summary = "The field of the whole surface", value = json!({"strokes": [{"face": 17, "direction": [0.0, 0.0, 1.0]}], "refine": 1e-8}))),
+        ("refined" = (summary = "The field of a large surface, not only of the basis", value = json!({"strokes": [{"face": 17, "direction": [0.0, 0.0, 1.0]}], "refine": 1e-8}))),
         ("singularities" = (summary = "Singular vertices at will", value = json!({"strokes": [{"face": 17, "direction": [0.0, 0.0, 1.0]}], "singularities": {"at": [{"vertex": 88, "index": 1.0}, {"vertex": 2101, "index": 1.0}], "exact": true}}))),
     )),
     responses(
         (status = 200, description = "The field", content((DesignAnswer = "application/json"), (Binary = "application/octet-stream")),
-            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Chladni-Energies" = String), ("Chladni-Residual" = f64), ("Chladni-Error" = f64), ("Server-Timing" = String))),
+            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Chladni-Energies" = String), ("Chladni-Residual" = f64), ("Chladni-Space" = String), ("Chladni-Error" = f64), ("Server-Timing" = String))),
         DesignFieldProblems,
     ),
     security(("bearer" = ["read"]))
@@ -172,6 +176,7 @@ async fn design(
             let is_whole = sought || (form.is_some() && some.is_none());
             let field = if is_whole { loaded.lifted(&designed)? } else { Vec::new() };
             let part = some.as_deref().map(|faces| loaded.lifted_at(&designed, faces)).transpose()?;
+            let space = if designed.refined.is_some() { "surface" } else { "basis" };
             let design = designed.design;
             let matching = designed.exact.map(|exact| exact.matching);
             let found = match sought {
@@ -191,7 +196,8 @@ async fn design(
                 let bytes = query.encoding.bytes(written(form), form.columns(kind), named)?;
                 let answer = described(bytes, rows, (form, query.encoding), kind, begin)
                     .with("chladni-energies", energies.join(", "))
-                    .with("chladni-residual", residual);
+                    .with("chladni-residual", residual)
+                    .with("chladni-space", space);
                 return Ok(match designed.error {
                     Some(error) => answer.with("chladni-error", error),
                     None => answer,
@@ -204,6 +210,7 @@ async fn design(
                     alignment_energy: design.alignment_energy,
                     faces: designed.constraints.iter().map(|constraint| to.file_face(constraint.face)).collect(),
                     residuals: design.residuals,
+                    space,
                     error: designed.error,
                     coefficients: design.coefficients,
                     field: form.map(|form| LiftedField {

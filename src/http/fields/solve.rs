@@ -105,7 +105,7 @@ pub async fn design(state: &ClientState, loaded: &LoadedBasis, request: &DesignR
         Arc::new(loaded.weighted(&model, weights, goal)?)
     };
     let (block, faces) = (loaded.kind().block() as u64, loaded.surface.surface.faces() as u64);
-    let full: Option<Arc<FullSpace>> = match request.needs_full_space() {
+    let full: Option<Arc<FullSpace>> = match request.needs_full_space(loaded.surface.surface.faces()) {
         false => None,
         true => Some(full_space(state, loaded).await?),
     };

@@ -87,6 +87,29 @@ impl ColumnTree {
         self.root.backward(parts, &mut work);
         self.root.give(&work, x);
     }
+
+    /// The first half of it, `x ← L⁻¹ x`: see [`crate::HalfSolved`].
+    ///
+    /// # Panics
+    /// As for [`solve`](Self::solve).
+    pub fn eliminate<T: Scalar>(&self, symbolic: &SymbolicFactor, numbers: &FactorNumbers<T>, x: &mut [f64]) {
+        assert_eq!(self.shape, (symbolic.size(), symbolic.entries()), "the structure that was shared out");
+        assert_eq!(x.len(), symbolic.size(), "a number for each row of the matrix");
+        let work = self.root.forward(Parts::of_numbers(symbolic, numbers), x);
+        self.root.give(&work, x);
+    }
+
+    /// The second half, `x ← L⁻ᵀ D⁻¹ x`.
+    ///
+    /// # Panics
+    /// As for [`solve`](Self::solve).
+    pub fn substitute<T: Scalar>(&self, symbolic: &SymbolicFactor, numbers: &FactorNumbers<T>, x: &mut [f64]) {
+        assert_eq!(self.shape, (symbolic.size(), symbolic.entries()), "the structure that was shared out");
+        assert_eq!(x.len(), symbolic.size(), "a number for each row of the matrix");
+        let mut work = self.root.take(x);
+        self.root.backward(Parts::of_numbers(symbolic, numbers), &mut work);
+        self.root.give(&work, x);
+    }
 }
 
 /// The subtrees that are worth a task and have another such beside them, as ranges of supernodes, each after those within it.
@@ -207,6 +230,16 @@ impl Branch {
         } else {
             self.stretches.iter().rev().for_each(|piece| sweep(factor, stretch(piece), false, x, &mut scratch));
         }
+    }
+
+    /// The rows of the branch from those of the matrix.
+    fn take(&self, from: &[f64]) -> Work {
+        let children = self.children.par_iter().map(|child| child.branch.take(from)).collect();
+        let mut x = vec![0.0; self.own + self.above];
+        for piece in &self.stretches {
+            x[piece.at..piece.at + piece.rows.len()].copy_from_slice(&from[piece.rows.clone()]);
+        }
+        Work { x, children }
     }
 
     /// Copies the solution to its rows of the matrix.

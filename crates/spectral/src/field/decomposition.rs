@@ -4,6 +4,7 @@
 //! (Polthier and Preuß 2003; thesis, section 3.1). At a boundary one of the two has no functions, or the parts would not be orthogonal: see
 //! [`FieldBoundary`].
 
+use chladni_algebra::FactorError;
 use chladni_base::Monitor;
 use chladni_mesh::dual::NO_FACE;
 
@@ -44,6 +45,10 @@ struct Potentials {
 
 /// Of a face's three functions, one that is held at zero.
 const HELD: u32 = u32::MAX;
+
+/// A function whose energy is below this share of what functions have on average says nothing of any field: all of its gradients lie on faces without
+/// area, as those of an edge do whose ends coincide. It is held near zero, or the matrix would be singular.
+const IDLE: f64 = 1e-9;
 
 impl HodgeDecomposition {
     /// Factors both Laplacians. `clamped` boundaries, at which the parts are not orthogonal, count as `tangential`.
@@ -149,7 +154,17 @@ impl Potentials {
             }
         }
         Self::ground(surface, &functions, size, &mut entries);
-        let factor = Factor::new(&poisson::assemble(size, entries), monitor)?;
+        Self::hold_idle(size, &mut entries);
+        let factor = Factor::new(&poisson::assemble(size, entries), monitor).map_err(|error| {
+            let least = frames.areas().iter().copied().fold(f64::INFINITY, f64::min);
+            let flat = || frames.areas().iter().position(|area| *area == least);
+            match (&error, frames.degenerate_faces(), flat()) {
+                (PoissonError::Factor(FactorError::Singular { .. }), faces @ 1.., Some(face)) => {
+                    PoissonError::Flat { face: face as u32, faces }
+                }
+                _ => error,
+            }
+        })?;
         Ok(Self { functions, scale, factor })
     }
 
@@ -172,6 +187,20 @@ impl Potentials {
         let lone = (0..size as u32).filter(|&function| !seen[function as usize]);
         let tied = tied.into_iter().zip(held).filter_map(|(function, held)| function.filter(|_| !held));
         entries.extend(tied.chain(lone).map(|function| (function, function, 1.0)));
+    }
+
+    /// Holds functions without energy.
+    fn hold_idle(size: usize, entries: &mut Vec<(u32, u32, f64)>) {
+        let mut diagonal = vec![0.0; size];
+        entries.iter().filter(|entry| entry.0 == entry.1).for_each(|entry| diagonal[entry.0 as usize] += entry.2);
+        // The middle one: faces without area have energies beyond all others.
+        let mut sorted = diagonal.clone();
+        let middle = match sorted.len() {
+            0 => return,
+            length => *sorted.select_nth_unstable_by(length / 2, f64::total_cmp).1,
+        };
+        let idle = (0..size as u32).filter(|&function| !(diagonal[function as usize] > IDLE * middle));
+        entries.extend(idle.map(|function| (function, function, middle.max(f64::MIN_POSITIVE))));
     }
 
     /// The function whose gradient is nearest to a field.
@@ -267,6 +296,31 @@ mod tests {
                     let flow = divergence(surface.mesh(), surface.frames(), &parts.cogradient);
                     assert!(spread.iter().chain(&flow).all(|x| x.abs() < 1e-8));
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn faces_without_area_take_no_part() {
+        let sphere = generate(Shape::Sphere, 162).unwrap();
+        let [a, b, c] = sphere.faces[0].map(|v| v as usize);
+        let (mut coinciding, mut pressed, mut collinear) = (sphere.clone(), sphere.clone(), sphere.clone());
+        coinciding.positions[a] = coinciding.positions[b];
+        pressed.positions.iter_mut().for_each(|p| p[2] = 0.0);
+        let middle: [f64; 3] = std::array::from_fn(|i| 0.5 * (sphere.positions[a][i] + sphere.positions[b][i]));
+        collinear.positions[c] = middle;
+        for (name, mesh) in [("coinciding", coinciding), ("pressed", pressed), ("collinear", collinear)] {
+            let surface = FieldSurface::new(mesh).unwrap();
+            for boundary in [FieldBoundary::Tangential, FieldBoundary::Normal] {
+                let field = random(&surface);
+                let parts = HodgeDecomposition::new(&surface, boundary, &Unwatched).unwrap().parts(&surface, &field);
+                let norm = product(&surface, &field, &field);
+                for (a, b) in [(&parts.gradient, &parts.cogradient), (&parts.gradient, &parts.harmonic)] {
+                    assert!(product(&surface, a, b).abs() < 1e-7 * norm, "{name}: {}", product(&surface, a, b) / norm);
+                }
+                // A sphere has no harmonic fields, but for what faces without area are told by.
+                let left = product(&surface, &parts.harmonic, &parts.harmonic);
+                assert!(left < 1e-5 * norm && parts.potential.iter().all(|u| u.is_finite()), "{name}: {}", left / norm);
             }
         }
     }

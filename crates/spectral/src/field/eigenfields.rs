@@ -179,7 +179,7 @@ fn share_of(value: f64) -> f64 {
 
 impl<'a, const B: usize> Lowest<'a, B> {
     fn new(whole: &'a Whole<B>, start: Vec<Vec<f64>>, wanted: usize) -> Result<Self, RefineError> {
-        let factor = Factor { gamma: SHIFT, cycles: whole.cycles.shifted(SHIFT) };
+        let factor = whole.factor(SHIFT)?;
         let count = start.len();
         let (idle, fields, values, steps) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let mut made = Self { whole, factor, wanted, idle, fields, values, steps };

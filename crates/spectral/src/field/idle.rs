@@ -14,7 +14,7 @@ pub(super) struct Idle {
     /// `u`.
     pub field: Vec<f64>,
     /// `M̄ u`.
-    image: Vec<f64>,
+    pub image: Vec<f64>,
 }
 
 /// The fields of no energy.

@@ -8,12 +8,16 @@ mod constraints;
 mod cycle;
 mod decomposition;
 mod design;
+mod direct;
 mod drawing;
 mod eigenfields;
 mod harmonic;
 mod heat;
 mod hierarchy;
 mod idle;
+mod least;
+#[cfg(test)]
+mod least_tests;
 mod local;
 mod loops;
 mod many;
@@ -47,6 +51,7 @@ pub use alignment::{Alignment, Prescription};
 pub use basis::{Construction, FieldError, FieldParameters, FieldSurface, field_basis, full_biharmonic};
 pub use decomposition::{HodgeDecomposition, HodgeParts};
 pub use design::{BENDING, Constraint, Design, DesignError, DesignModel, EnergyWeights, Hold, MOST_DIMENSIONS};
+pub use direct::MOST_FACES as MOST_FACTORED_FACES;
 pub use drawing::{
     Camera, Coat, CoatParameters, Drawing, HairStyle, HatchedLines, HatchingStyle, MOST_PAINTED, MOST_PIXELS,
     MOST_POINTS, MOST_STRAND_POINTS, Tone, grow, hatch, paint, png,

@@ -7,8 +7,8 @@
 use std::sync::{Arc, OnceLock};
 
 use chladni_algebra::{
-    ColumnTree, FactorError, FactorNumbers, MassMatrix, Ordering, PANEL_WIDTH, SparseMatrix, SymbolicFactor,
-    fill_reducing_order,
+    ColumnTree, FactorError, FactorNumbers, HalfSolved, MassMatrix, Ordering, PANEL_WIDTH, ReachTree, Sides,
+    SparseMatrix, SymbolicFactor, fill_reducing_order,
 };
 use rayon::prelude::*;
 
@@ -67,6 +67,8 @@ struct Structure {
     symbolic: SymbolicFactor,
     /// How a single right-hand side is shared out among threads.
     tree: ColumnTree,
+    /// What right-hand sides of a few entries reach.
+    reach: ReachTree,
 }
 
 impl PartialEq for Pencil {
@@ -176,8 +178,8 @@ impl Pencil {
         let pattern = SparseMatrix::from_sorted_parts(size, size, offsets.clone(), indices.clone(), values);
         let symbolic = SymbolicFactor::new(&pattern, &MassMatrix::Diagonal(vec![0.0; size]))?;
         within_surfaces(symbolic.entries(), pattern.values().len(), nodes)?;
-        let tree = ColumnTree::new(&symbolic);
-        Ok(Structure { places, nodes: ordered, offsets, indices, symbolic, tree })
+        let (tree, reach) = (ColumnTree::new(&symbolic), ReachTree::new(&symbolic));
+        Ok(Structure { places, nodes: ordered, offsets, indices, symbolic, tree, reach })
     }
 
     /// The system for some weights. Matrices of `sum` that reach beyond the pattern of the pencil lose what lies outside.
@@ -290,6 +292,35 @@ impl SparseInverse {
                 }
             }
         });
+    }
+
+    /// Halves of the solves for right-hand sides of a few entries, whose rows are columns of the space.
+    pub fn halves(&self, mut sides: Vec<Sides>) -> Vec<HalfSolved> {
+        for (row, _, _) in sides.iter_mut().flat_map(|side| &mut side.entries) {
+            *row = self.places[*row as usize].0;
+        }
+        self.structure.reach.eliminate(&self.structure.symbolic, &self.numbers, &sides)
+    }
+
+    /// Half of the solve for `f`, `d` numbers, in the order of elimination.
+    pub fn eliminated(&self, f: &[f64]) -> Vec<f64> {
+        let mut x = self.no_half();
+        f.iter().zip(&self.places).for_each(|(&value, &(at, _))| x[at as usize] = value);
+        self.structure.tree.eliminate(&self.structure.symbolic, &self.numbers, &mut x);
+        x
+    }
+
+    /// Half of the solve for nothing.
+    pub fn no_half(&self) -> Vec<f64> {
+        vec![0.0; self.rows]
+    }
+
+    /// The other half: `x = K⁻¹ f`, and `M̄⁻¹ S̄ x` where the system holds it.
+    pub fn substituted(&self, mut half: Vec<f64>) -> (Vec<f64>, Option<Vec<f64>>) {
+        self.structure.tree.substitute(&self.structure.symbolic, &self.numbers, &mut half);
+        let x = self.places.iter().map(|&(at, _)| half[at as usize]).collect();
+        let laplacian = || self.places.iter().map(|&(_, at)| half[at as usize] / self.root).collect();
+        (x, (self.root > 0.0).then(laplacian))
     }
 
     /// `M̄⁻¹ S̄ x` for `x = K⁻¹ f`, whose `S̄ x` is `image`; `None` for a full biharmonic energy, whose system does not hold it.

@@ -19,6 +19,16 @@ pub enum PoissonError {
     /// The matrix was not factored.
     #[error("a Poisson problem on the vertices could not be solved: {0}")]
     Factor(#[from] FactorError),
+    /// The matrix is singular for faces without area.
+    #[error(
+        "the Laplacian of this surface cannot be factored: {faces} of its faces have no area, the first of which is face {face}"
+    )]
+    Flat {
+        /// The first of them.
+        face: u32,
+        /// How many there are.
+        faces: usize,
+    },
     /// The work was cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),

@@ -14,6 +14,7 @@ use super::basis::FieldSurface;
 use super::compliance::Compliance;
 use super::cycle::Cycles;
 use super::design::{Constraint, Design, DesignError, length};
+use super::direct::Direct;
 use super::hierarchy::hierarchy;
 use super::idle::dot as small_dot;
 use super::refine_response::{Response, Sum, Whole, add, dot};
@@ -122,10 +123,12 @@ pub struct Refined {
     pub distance: f64,
     /// Responses of the whole surface that were computed.
     pub responses: usize,
+    /// What that distance is of: coefficients of the reduced space.
+    pub coefficients: Vec<f32>,
 }
 
 impl FullSpace {
-    /// Assembles the operator and its levels.
+    /// Assembles the operator, and analyses it for factors or makes levels of it.
     ///
     /// # Errors
     /// [`RefineError::Operator`]: the kind is out of range; cancellation.
@@ -135,12 +138,81 @@ impl FullSpace {
         boundary: FieldBoundary,
         monitor: &dyn Monitor,
     ) -> Result<Self, RefineError> {
+        Self::made(surface, kind, boundary, true, monitor)
+    }
+
+    /// The same by cycles, as on surfaces that are too large for factors.
+    #[cfg(test)]
+    pub(super) fn by_cycles(surface: &FieldSurface, kind: FieldKind, boundary: FieldBoundary) -> Self {
+        Self::made(surface, kind, boundary, false, &Unwatched).unwrap()
+    }
+
+    fn made(
+        surface: &FieldSurface,
+        kind: FieldKind,
+        boundary: FieldBoundary,
+        factored: bool,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, RefineError> {
         monitor.stage("levels");
         let inner = match kind.block() {
-            2 => Inner::Two(Whole::new(surface, kind, boundary, monitor)?),
-            _ => Inner::Three(Whole::new(surface, kind, boundary, monitor)?),
+            2 => Inner::Two(Whole::new(surface, kind, boundary, factored, monitor)?),
+            _ => Inner::Three(Whole::new(surface, kind, boundary, factored, monitor)?),
         };
         Ok(Self { kind, inner })
+    }
+
+    /// The field of least energy among all fields under the constraints of a design of the same model, by sparse factors that are kept; strengths of
+    /// constraints are measured by what all fields of the surface resist with, so that the field depends on the reduced space in nothing. Its
+    /// coefficients are those of the field of the space that is nearest to it, where the model has Ritz coordinates, and so is its distance.
+    ///
+    /// `None` where that is for [`refine`](Self::refine): on surfaces of more than [`super::MOST_FACTORED_FACES`] faces, beside alignments with weights per
+    /// face or that outweigh the energies, and under more than 128 constraints.
+    ///
+    /// # Errors
+    /// [`RefineError`].
+    pub fn least(
+        &self,
+        weighted: &WeightedModel,
+        basis: &FieldBasis,
+        constraints: &[Constraint],
+        design: &Design,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<Refined>, RefineError> {
+        self.check(weighted, basis)?;
+        match &self.inner {
+            Inner::Two(whole) => whole.least(weighted, basis, constraints, design, monitor),
+            Inner::Three(whole) => whole.least(weighted, basis, constraints, design, monitor),
+        }
+    }
+
+    /// Whether the surface is small enough for sparse factors, by which designs are a matter of milliseconds.
+    pub fn is_factored(&self) -> bool {
+        match &self.inner {
+            Inner::Two(whole) => whole.direct.is_some(),
+            Inner::Three(whole) => whole.direct.is_some(),
+        }
+    }
+
+    /// How many fields without energy are known.
+    #[cfg(test)]
+    pub(super) fn idle(&self) -> usize {
+        match &self.inner {
+            Inner::Two(whole) => whole.kernel.get().map_or(0, Vec::len),
+            Inner::Three(whole) => whole.kernel.get().map_or(0, Vec::len),
+        }
+    }
+
+    /// That a design is one of this surface.
+    fn check(&self, weighted: &WeightedModel, basis: &FieldBasis) -> Result<(), RefineError> {
+        length("the space", basis.space.faces(), self.faces())?;
+        if basis.kind != self.kind {
+            return Err(DesignError::Kind.into());
+        }
+        match weighted.is_prescribed() {
+            true => Err(RefineError::Prescribed),
+            false => Ok(()),
+        }
     }
 
     /// Checks a tolerance of [`refine`](Self::refine).
@@ -179,13 +251,7 @@ impl FullSpace {
         monitor: &dyn Monitor,
     ) -> Result<Refined, RefineError> {
         Self::check_tolerance(tolerance)?;
-        length("the space", basis.space.faces(), self.faces())?;
-        if basis.kind != self.kind {
-            return Err(DesignError::Kind.into());
-        }
-        if weighted.is_prescribed() {
-            return Err(RefineError::Prescribed);
-        }
+        self.check(weighted, basis)?;
         match &self.inner {
             Inner::Two(whole) => whole.refine(weighted, basis, constraints, design, tolerance, monitor),
             Inner::Three(whole) => whole.refine(weighted, basis, constraints, design, tolerance, monitor),
@@ -220,19 +286,27 @@ impl<const B: usize> Whole<B> {
         surface: &FieldSurface,
         kind: FieldKind,
         boundary: FieldBoundary,
+        factored: bool,
         monitor: &dyn Monitor,
     ) -> Result<Self, RefineError> {
         let operator = FieldOperator::<B>::assemble(kind, surface.mesh(), surface.dual(), surface.frames(), boundary)?;
-        let levels = hierarchy(&operator, surface.dual(), surface.frames(), COARSEST, monitor)?;
-        let cycles = Cycles::new(&levels, monitor)?;
-        Ok(Self { stiffness: operator.stiffness, mass: operator.mass, cycles, kernel: OnceLock::new() })
+        let direct = if factored { Direct::new(&operator.stiffness) } else { None };
+        let cycles = match direct {
+            Some(_) => None,
+            None => {
+                let levels = hierarchy(&operator, surface.dual(), surface.frames(), COARSEST, monitor)?;
+                Some(Cycles::new(&levels, monitor)?)
+            }
+        };
+        Ok(Self { stiffness: operator.stiffness, mass: operator.mass, cycles, direct, kernel: OnceLock::new() })
     }
 
     fn bytes(&self) -> u64 {
         let known = self.kernel.get().map_or(EXPECTED_IDLE, Vec::len).max(EXPECTED_IDLE);
         (size_of::<[[f64; B]; B]>() + 4) as u64 * self.stiffness.entries() as u64
             + 16 * self.mass.len() as u64
-            + self.cycles.bytes()
+            + self.cycles.as_ref().map_or(0, Cycles::bytes)
+            + self.direct.as_ref().map_or(0, Direct::bytes)
             + (8 * B * self.mass.len() * known) as u64
     }
 
@@ -258,10 +332,23 @@ impl<const B: usize> Whole<B> {
             Err(RefineError::NotConverged { .. }) => return Err(RefineError::NotConverged { tolerance }),
             other => other?,
         }
-        let field = solve.field;
-        let reduced = basis.space.lift(&design.coefficients);
-        let reduced =
-            reduced.ok_or(DesignError::Length { what: "coefficients", got: 0, wanted: basis.space.dimension() })?;
+        let (field, responses) = (solve.field, solve.responses);
+        self.told(weighted, basis, constraints, design.coefficients.clone(), field, responses)
+    }
+
+    /// What there is to say of a field beside coefficients of the reduced space.
+    pub(super) fn told(
+        &self,
+        weighted: &WeightedModel,
+        basis: &FieldBasis,
+        constraints: &[Constraint],
+        coefficients: Vec<f32>,
+        field: Vec<f64>,
+        responses: usize,
+    ) -> Result<Refined, RefineError> {
+        let reduced = basis.space.lift(&coefficients);
+        let (got, wanted) = (coefficients.len(), basis.space.dimension());
+        let reduced = reduced.ok_or(DesignError::Length { what: "coefficients", got, wanted })?;
         let mut off: Vec<f64> = reduced.iter().map(|&x| f64::from(x)).collect();
         add(&mut off, &field, -1.0);
         let norm = |x: &[f64]| self.product(x, x).sqrt();
@@ -282,7 +369,8 @@ impl<const B: usize> Whole<B> {
             harmonic_energy,
             biharmonic_energy,
             distance,
-            responses: solve.responses,
+            responses,
+            coefficients,
         })
     }
 

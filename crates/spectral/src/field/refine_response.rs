@@ -4,20 +4,22 @@
 //! that it takes two solves of second order, whose condition is the root of that of `K`. Any other `K` is solved with the nearest product as
 //! preconditioner.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use chladni_algebra::BlockMatrix;
 use chladni_base::Monitor;
 use rayon::prelude::*;
 
 use super::cycle::{Cycles, Shifted};
+use super::design::DesignError;
+use super::direct::{Direct, ShiftedFactor};
 use super::refine::RefineError;
 
 /// Cycles are for `S + γM` with `γ` at least this, far below the lowest positive eigenvalue of most surfaces of unit area: `S` alone may be singular.
 const LEAST_SHIFT: f64 = 0.05;
 
 /// Cycles are in single precision, which has no room for larger shifts.
-const MOST_SHIFT: f64 = 1e30;
+pub(super) const MOST_SHIFT: f64 = 1e30;
 
 /// Steps of inverse iteration that look for a field without energy.
 const INVERSE_STEPS: usize = 12;
@@ -36,7 +38,9 @@ pub(super) struct Whole<const B: usize> {
     pub stiffness: BlockMatrix<B>,
     /// The area of each face.
     pub mass: Vec<f64>,
-    pub cycles: Cycles<B>,
+    /// What preconditions solves: cycles, or on small surfaces sparse factors in their place.
+    pub cycles: Option<Cycles<B>>,
+    pub direct: Option<Direct<B>>,
     /// Fields without energy, once they were needed.
     pub kernel: OnceLock<Vec<Vec<f64>>>,
 }
@@ -72,8 +76,14 @@ enum Product<'a, const B: usize> {
 
 /// `S + γM`.
 pub(super) struct Factor<'a, const B: usize> {
-    pub gamma: f64,
-    pub cycles: Shifted<'a, B>,
+    gamma: f64,
+    solver: Solver<'a, B>,
+}
+
+/// What solves with `S + γM`, about or exactly.
+enum Solver<'a, const B: usize> {
+    Cycles(Shifted<'a, B>),
+    Direct(&'a Direct<B>, Arc<ShiftedFactor>),
 }
 
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -132,9 +142,29 @@ impl<const B: usize> Whole<B> {
         sums.iter().sum()
     }
 
+    /// What solves with `S + γM`.
+    ///
+    /// # Errors
+    /// [`RefineError::Weights`]: γ is beyond single precision; what factors answer.
+    pub fn factor(&self, gamma: f64) -> Result<Factor<'_, B>, RefineError> {
+        if !(gamma <= MOST_SHIFT) {
+            return Err(RefineError::Weights { most: MOST_SHIFT });
+        }
+        let solver = match (&self.direct, &self.cycles) {
+            (Some(direct), _) => {
+                let factor = direct.factor(&self.stiffness, &self.mass, gamma).map_err(DesignError::Sparse)?;
+                Solver::Direct(direct, factor)
+            }
+            (None, Some(cycles)) => Solver::Cycles(cycles.shifted(gamma.max(LEAST_SHIFT))),
+            // One of them is always there.
+            (None, None) => return Err(RefineError::Weights { most: 0.0 }),
+        };
+        Ok(Factor { gamma, solver })
+    }
+
     /// Fields without energy from approximations of them: by inverse iteration, orthonormal. Those that have energy after all are left out.
     pub fn polished(&self, mut fields: Vec<Vec<f64>>, monitor: &dyn Monitor) -> Result<Vec<Vec<f64>>, RefineError> {
-        let factor = Factor { gamma: 1.0, cycles: self.cycles.shifted(1.0) };
+        let factor = self.factor(1.0)?;
         for _ in 0..2 {
             for field in &mut fields {
                 self.weigh(field);
@@ -155,7 +185,7 @@ impl<const B: usize> Whole<B> {
         image
     }
 
-    fn orthonormalise(&self, fields: &mut [Vec<f64>]) {
+    pub(super) fn orthonormalise(&self, fields: &mut [Vec<f64>]) {
         for at in 0..fields.len() {
             let (before, rest) = fields.split_at_mut(at);
             let own = &mut rest[0];
@@ -172,9 +202,22 @@ impl<const B: usize> Whole<B> {
 }
 
 /// Fields of norm 1 with less harmonic energy have none.
-const IDLE: f64 = 1e-7;
+pub(super) const IDLE: f64 = 1e-7;
 
 impl<const B: usize> Factor<'_, B> {
+    /// About `(S + γM)⁻¹ r`; with a factor of no other shift exactly.
+    fn once(&self, r: &[f64]) -> Vec<f64> {
+        match &self.solver {
+            Solver::Cycles(cycles) => cycles.cycle(r),
+            Solver::Direct(direct, factor) => direct.solve(factor, r),
+        }
+    }
+
+    /// Whether nothing is left to correct.
+    fn is_exact(&self) -> bool {
+        matches!(&self.solver, Solver::Direct(_, factor) if factor.gamma == self.gamma)
+    }
+
     /// `(S + γM)⁻¹ f`, `f` without what `kernel` holds where γ is 0.
     fn solve(
         &self,
@@ -184,10 +227,14 @@ impl<const B: usize> Factor<'_, B> {
         kernel: &[Vec<f64>],
         monitor: &dyn Monitor,
     ) -> Result<Vec<f64>, RefineError> {
+        if self.is_exact() {
+            monitor.checkpoint()?;
+            return Ok(self.once(f));
+        }
         let kernel = if self.gamma == 0.0 { kernel } else { &[] };
         let apply = |x: &[f64]| if self.gamma > 0.0 { whole.shifted(self.gamma, x) } else { whole.stiff(x) };
         let precondition = |r: &[f64]| {
-            let mut z = self.cycles.cycle(r);
+            let mut z = self.once(r);
             for idle in kernel {
                 let share = whole.product(idle, &z);
                 add(&mut z, idle, -share);
@@ -205,8 +252,12 @@ impl<const B: usize> Factor<'_, B> {
         tolerance: f64,
         monitor: &dyn Monitor,
     ) -> Result<Vec<f64>, RefineError> {
+        if self.is_exact() {
+            monitor.checkpoint()?;
+            return Ok(self.once(f));
+        }
         let apply = |x: &[f64]| whole.shifted(self.gamma, x);
-        let precondition = |r: &[f64]| Ok(self.cycles.cycle(r));
+        let precondition = |r: &[f64]| Ok(self.once(r));
         Ok(steps(apply, precondition, f, tolerance, monitor)?.0)
     }
 }
@@ -215,10 +266,7 @@ impl<'a, const B: usize> Response<'a, B> {
     /// The inverse for a sum; `kernel` are the fields without energy that nothing in it holds.
     pub fn new(whole: &'a Whole<B>, sum: Sum, kernel: &'a [Vec<f64>]) -> Result<Self, RefineError> {
         let mean = whole.mean_weight(&sum);
-        let factor = |gamma: f64| match gamma <= MOST_SHIFT {
-            true => Ok(Factor { gamma, cycles: whole.cycles.shifted(gamma.max(LEAST_SHIFT)) }),
-            false => Err(RefineError::Weights { most: MOST_SHIFT }),
-        };
+        let factor = |gamma: f64| whole.factor(gamma);
         let mut exact = sum.masses.is_none();
         let product = if sum.biharmonic > 0.0 {
             let (half, held) = (0.5 * sum.harmonic / sum.biharmonic, mean / sum.biharmonic);
@@ -247,7 +295,7 @@ impl<'a, const B: usize> Response<'a, B> {
             return Ok(false);
         }
         let whole = self.whole;
-        let factor = Factor { gamma: 1.0, cycles: whole.cycles.shifted(1.0) };
+        let factor = whole.factor(1.0)?;
         let mut field: Vec<f64> = (0..B * whole.mass.len()).map(|i| (i as f64 * i as f64 * 0.37).sin()).collect();
         for _ in 0..INVERSE_STEPS {
             whole.weigh(&mut field);

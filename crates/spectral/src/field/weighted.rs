@@ -1,5 +1,6 @@
 //! Solving for fields: a model with weights, and what constraints add to it.
 
+mod halves;
 mod multipliers;
 
 use std::sync::{Arc, OnceLock};
@@ -18,6 +19,8 @@ use super::many::{Many, Setting};
 use super::nearby::Nearby;
 use super::pencil::{Pencil, Sum, floor};
 use super::refine_response as whole;
+
+pub(super) use multipliers::{System, amounts_of_kernel};
 
 /// Ritz values below this share of the largest count as zero.
 const KERNEL: f64 = 1e-10;
@@ -48,6 +51,8 @@ pub struct WeightedModel {
     kernel: Vec<usize>,
     /// Fields of next to no energy, where the inverse is a sparse factor: found when they are needed.
     idle: OnceLock<Vec<Idle>>,
+    /// What those cost to be left out of halves of solves.
+    idle_halves: OnceLock<halves::IdleHalves>,
     many: Many,
 }
 
@@ -56,6 +61,8 @@ pub struct WeightedModel {
 struct Pull {
     force: Vec<f64>,
     field: Vec<f64>,
+    /// `M̄⁻¹ S̄` times the solution, where it came with it.
+    laplacian: Option<Vec<f64>>,
 }
 
 enum Inverse {
@@ -124,7 +131,7 @@ impl DesignModel {
             if !fields.is_empty() {
                 inverse.apply(&mut field)?;
             }
-            Ok::<_, DesignError>(Pull { force, field })
+            Ok::<_, DesignError>(Pull { force, field, laplacian: None })
         };
         let free = pull(&alignments.iter().map(|(field, weight)| (&**field, *weight)).collect::<Vec<_>>())?;
         let turned = match &prescription {
@@ -143,6 +150,7 @@ impl DesignModel {
             turned,
             kernel,
             idle: OnceLock::new(),
+            idle_halves: OnceLock::new(),
             many: Many::default(),
         })
     }
@@ -229,6 +237,7 @@ impl WeightedModel {
                 Pull {
                     force: mix(&self.free.force, &along.force, &across.force),
                     field: mix(&self.free.field, &along.field, &across.field),
+                    laplacian: None,
                 }
             }
             _ => self.free.clone(),
@@ -292,7 +301,7 @@ impl WeightedModel {
         }
         let residuals = residuals(kept, constraints, basis.space.block(), |at, i| reached[at][i]);
         let image = basis.mass.multiply(&field);
-        let found = Pull { force: Vec::new(), field: model.project(&image) };
+        let found = Pull { force: Vec::new(), field: model.project(&image), laplacian: None };
         let coefficients = field.iter().map(|&x| x as f32).collect();
         self.finish(found, None, residuals, Some(coefficients)).map(Some)
     }
@@ -358,8 +367,12 @@ impl WeightedModel {
             return Ok(());
         }
         let kernel = self.free(conditions);
+        if let Some(inverse) = self.for_halves(conditions) {
+            return self.satisfy_by_halves(inverse, (rows, kernel), conditions, b, found);
+        }
         let solved = self.moved_by(rows, kernel)?;
-        let y = self.multipliers(rows, &solved, conditions, (b, kernel), &mut found.field)?;
+        let compliance = self.compliance_of(rows, &solved);
+        let y = self.multipliers(rows, compliance, conditions, (b, kernel), &mut found.field)?;
         for (column, &y) in y.iter().enumerate() {
             found.field.iter_mut().zip(solved.column(column)).for_each(|(z, s)| *z += y * s);
             found.force.iter_mut().zip(rows.column(column)).for_each(|(f, r)| *f += y * r);
@@ -451,6 +464,26 @@ impl WeightedModel {
         (!self.alignments.is_empty()).then(|| all.sum())
     }
 
+    /// The constraints as the conditions that they become.
+    ///
+    /// # Errors
+    /// [`DesignError`] names the constraint that cannot be used.
+    pub(super) fn conditions(
+        &self,
+        basis: &FieldBasis,
+        constraints: &[Constraint],
+    ) -> Result<Vec<Condition>, DesignError> {
+        check(basis, self.model.kind, constraints)?;
+        Ok(conditions(&without_repetitions(constraints), constraints))
+    }
+
+    /// The coefficients of the field of the space that is nearest to one on the faces, whose image under the masses is `image`; `None` without Ritz
+    /// coordinates.
+    pub(super) fn nearest(&self, basis: &FieldBasis, image: &[f64]) -> Option<Vec<f32>> {
+        let model = &self.model;
+        model.has_ritz().then(|| model.expand(&model.project(&basis.space.transposed_times(image))))
+    }
+
     /// The constraints with what the space has them move by.
     pub(super) fn compliance(&self, basis: &FieldBasis, constraints: &[Constraint]) -> Result<Compliance, DesignError> {
         let b = basis.space.block();
@@ -486,7 +519,10 @@ impl WeightedModel {
                 let ritz = if model.has_ritz() { model.project(&pencil.mass.multiply(own)) } else { Vec::new() };
                 let biharmonic = match &pencil.full_biharmonic {
                     Some(full) => product(&full.multiply(own), own),
-                    None => inverse.laplacian(&found.force, own, &image).map_or(0.0, |y| product(&y, &image)),
+                    None => match found.laplacian {
+                        Some(laplacian) => product(&laplacian, &image),
+                        None => inverse.laplacian(&found.force, own, &image).map_or(0.0, |y| product(&y, &image)),
+                    },
                 };
                 (own.iter().map(|&v| v as f32).collect(), ritz, product(&image, own), biharmonic)
             }

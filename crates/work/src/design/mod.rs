@@ -44,8 +44,8 @@ pub use quads::{
 };
 pub(crate) use request::refused;
 pub use request::{
-    AlignmentRequest, BiharmonicEnergy, DesignRequest, MOST_CONSTRAINTS, NamedTarget, NamedWeights, PerFace, Pin,
-    SingularVertex, SingularitiesRequest, Stroke, Target, Weights,
+    AlignmentRequest, BiharmonicEnergy, DesignRequest, DesignSpace, MOST_CONSTRAINTS, NamedTarget, NamedWeights,
+    PerFace, Pin, SingularVertex, SingularitiesRequest, Stroke, Target, Weights,
 };
 pub use setting::{Designed, ExactField, Goal, Setting, Surface, numerators};
 pub use source::FieldSource;

@@ -1,6 +1,6 @@
 //! What a design is asked for with, and the constraints that it means.
 
-use chladni_spectral::field::{BENDING, Constraint, FullSpace, Hold, direction_in_frame};
+use chladni_spectral::field::{BENDING, Constraint, FullSpace, Hold, MOST_FACTORED_FACES, direction_in_frame};
 use chladni_spectral::operator::frames::power;
 use chladni_spectral::operator::transport::FieldKind;
 use serde::{Deserialize, Serialize};
@@ -34,7 +34,12 @@ pub struct DesignRequest {
     pub alignment: Option<AlignmentRequest>,
     /// Where the field is to be singular, and how strongly that is wanted.
     pub singularities: Option<SingularitiesRequest>,
-    /// Whether to estimate how far the field is from that of least energy among all fields of the surface, as a share of its length.
+    /// Which fields the design is the one of least energy of: by default all fields of the surface on surfaces of up to 100,000 faces, beyond those of the
+    /// space of the basis.
+    #[serde(default)]
+    pub space: DesignSpace,
+    /// Whether to estimate how far the field is from that of least energy among all fields of the surface, as a share of its length. Where that field
+    /// is the answer, the answer tells it in any case.
     #[serde(default)]
     pub error: bool,
     /// Asks for the field of least energy among all fields of the surface itself, in place of that in the space of the basis: to this relative
@@ -43,6 +48,20 @@ pub struct DesignRequest {
     pub refine: Option<f64>,
     /// The faces that the field is told of; without it, all.
     pub faces: Option<FacesRequest>,
+}
+
+/// Which fields a design is the one of least energy of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum DesignSpace {
+    /// `surface` up to 100,000 faces, `basis` beyond, and beside prescribed singularities or the full biharmonic energy.
+    #[default]
+    Auto,
+    /// The fields of the space of the basis: fast on every surface, and off by what the space does not resolve.
+    Basis,
+    /// All fields of the surface, on large ones by iterations that take seconds.
+    Surface,
 }
 
 /// Weights of the energies, on the surface of unit area.
@@ -315,9 +334,20 @@ struct Value {
 }
 
 impl DesignRequest {
-    /// Whether all fields of the surface are needed to answer it.
-    pub fn needs_full_space(&self) -> bool {
-        self.error || self.refine.is_some()
+    /// Whether all fields of a surface of so many faces are needed to answer it.
+    pub fn needs_full_space(&self, faces: usize) -> bool {
+        self.error || self.is_of_surface(faces)
+    }
+
+    /// Whether it is one of all fields of a surface of so many faces that is wanted.
+    pub fn is_of_surface(&self, faces: usize) -> bool {
+        let fits = || faces <= MOST_FACTORED_FACES && self.singularities.is_none() && !self.weights.full_biharmonic();
+        self.must_be_of_surface() || (self.space == DesignSpace::Auto && fits())
+    }
+
+    /// Whether no field of the space of the basis will do in its place.
+    pub fn must_be_of_surface(&self) -> bool {
+        self.refine.is_some() || self.space == DesignSpace::Surface
     }
 
     /// Refuses what an answer that is made of the whole field has no place for; `place` is where the request stands.
@@ -350,8 +380,16 @@ impl DesignRequest {
                 "a field of length 1 that is turned as a whole meets no direction exactly: give strokes in their place";
             return Err(refused("singularities", "constraints", reason));
         }
-        if self.singularities.is_some() && (self.error || self.refine.is_some()) {
-            let place = if self.error { "error" } else { "refine" };
+        if self.refine.is_some() && self.space == DesignSpace::Basis {
+            let reason = "a refined field is one of all fields of the surface, not of the space of the basis: leave out one of the two";
+            return Err(refused("refine", "refine", reason));
+        }
+        if self.singularities.is_some() && (self.error || self.must_be_of_surface()) {
+            let place = match (self.error, self.refine) {
+                (true, _) => "error",
+                (false, Some(_)) => "refine",
+                (false, None) => "space",
+            };
             let reason =
                 "a design with prescribed singularities is no field of least energy that another could be closer to";
             return Err(refused("refine", place, reason));

@@ -1,6 +1,6 @@
 //! From a request to a field, in steps: what a service keeps between requests is the result of a step, the last is one small solve.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
@@ -9,7 +9,7 @@ use chladni_mesh::sample::farthest_points;
 use chladni_spectral::basis::StoredFields;
 use chladni_spectral::field::{
     Alignment, Constraint, Design, DesignError, DesignModel, EnergyWeights, FieldSurface, FullSpace, Hold, Matching,
-    Prescribed, PrescribedField, Prescription, WeightedModel, full_biharmonic,
+    Prescribed, PrescribedField, Prescription, RefineError, Refined, WeightedModel, full_biharmonic,
 };
 use chladni_spectral::operator::transport::FieldKind;
 
@@ -24,6 +24,9 @@ const BYTES_PER_FACE: u64 = 24 + 48 + 112;
 
 /// A hard constraint that is missed by more than this share of its length is not met.
 const MISSED: f64 = 1e-4;
+
+/// How closely the field of the whole surface is found where nobody says, and no factor gives it.
+const CLOSE: f64 = 1e-6;
 
 /// A surface that fields are designed on, with what finds a face by a point.
 #[derive(Debug)]
@@ -59,12 +62,20 @@ impl Surface {
 }
 
 /// A field basis with the surface it lives on.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub struct Setting {
     /// The basis.
     pub fields: Arc<StoredFields>,
     /// The surface.
     pub surface: Arc<Surface>,
+    /// All fields of the surface, for who designs without keeping them.
+    full: Arc<OnceLock<FullSpace>>,
+}
+
+impl std::fmt::Debug for Setting {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Setting").field("surface", &self.surface).finish_non_exhaustive()
+    }
 }
 
 /// A designed field with what it was asked for.
@@ -116,7 +127,7 @@ impl Setting {
     pub fn new(fields: Arc<StoredFields>, surface: Arc<Surface>) -> Result<Self, DesignFault> {
         let (basis, faces) = (fields.basis.space.faces(), surface.surface.faces());
         match basis == faces {
-            true => Ok(Self { fields, surface }),
+            true => Ok(Self { fields, surface, full: Arc::default() }),
             false => Err(DesignFault::Surface { basis, surface: faces }),
         }
     }
@@ -246,8 +257,15 @@ impl Setting {
         let exact = goal.exact(request);
         let weighted = self.weighted(&model, request.weights, goal)?;
         let mut designed = self.solve(&weighted, constraints)?;
-        if request.needs_full_space() {
-            self.judge(&self.full_space(monitor)?.0, &weighted, request, &mut designed, monitor)?;
+        if request.needs_full_space(self.surface.surface.faces()) {
+            let full = match self.full.get() {
+                Some(full) => full,
+                None => {
+                    let made = self.full_space(monitor)?.0;
+                    self.full.get_or_init(|| made)
+                }
+            };
+            self.judge(full, &weighted, request, &mut designed, monitor)?;
         }
         Ok(self.exactly(exact, designed))
     }
@@ -279,11 +297,32 @@ impl Setting {
     ) -> Result<(), DesignFault> {
         let Designed { design, constraints, .. } = &*designed;
         let basis = &self.fields.basis;
-        let Some(tolerance) = request.refine else {
-            designed.error = Some(full.distance(weighted, basis, constraints, design, monitor)?);
+        let must = request.must_be_of_surface();
+        if !request.is_of_surface(self.surface.surface.faces()) || !(must || full.is_factored()) {
+            if request.error {
+                designed.error = Some(full.distance(weighted, basis, constraints, design, monitor)?);
+            }
             return Ok(());
+        }
+        let whole = || -> Result<Refined, RefineError> {
+            let least = match full.is_factored() {
+                true => full.least(weighted, basis, constraints, design, monitor)?,
+                false => None,
+            };
+            match least {
+                Some(found) => Ok(found),
+                None => full.refine(weighted, basis, constraints, design, request.refine.unwrap_or(CLOSE), monitor),
+            }
         };
-        let refined = full.refine(weighted, basis, constraints, design, tolerance, monitor)?;
+        let refined = match whole() {
+            Ok(refined) => refined,
+            // There is no such field to be had: that of the basis will do, and is told apart by its space.
+            Err(RefineError::NotConverged { .. } | RefineError::Incomplete | RefineError::Weights { .. }) if !must => {
+                return Ok(());
+            }
+            Err(error) => return Err(error.into()),
+        };
+        designed.design.coefficients = refined.coefficients;
         designed.design.harmonic_energy = refined.harmonic_energy;
         designed.design.biharmonic_energy = refined.biharmonic_energy;
         designed.design.alignment_energy = refined.alignment_energy;

@@ -166,6 +166,7 @@ pub fn parametrise(
     monitor.checkpoint()?;
     let system = parts.system(&stiffness, order);
     let mut factor = Factor::ordered(&system.matrix, system.order, monitor)?;
+    let groups = whole.as_ref().map_or_else(Vec::new, |(unknowns, _)| rounding::apart(&system.matrix, unknowns));
     let mut solution = solved(&factor, system.right);
     let mut coordinates = parts.coordinates(&solution);
     let mut inverted = turned_over(&coordinates);
@@ -193,7 +194,7 @@ pub fn parametrise(
     }
     let (mut misfit, mut halved) = (None, false);
     if let Some((unknowns, leading)) = whole {
-        let mut most = rounding::round(&factor, &mut solution, (&unknowns, leading), monitor)?;
+        let mut most = rounding::round(&factor, &mut solution, (&unknowns, leading), &groups, monitor)?;
         halved = most > 0.25;
         if halved {
             let twice = |u: &u32| 2.0 * solution[*u as usize];

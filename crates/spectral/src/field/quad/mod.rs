@@ -129,6 +129,8 @@ impl From<PoissonError> for QuadError {
     fn from(error: PoissonError) -> Self {
         match error {
             PoissonError::Factor(error) => Self::Factor(error),
+            // Its matrices have no such functions.
+            PoissonError::Flat { face, .. } => Self::Factor(FactorError::Singular { pivot: face as usize }),
             PoissonError::Cancelled(cancelled) => Self::Cancelled(cancelled),
         }
     }

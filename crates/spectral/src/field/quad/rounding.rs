@@ -8,6 +8,7 @@
 //! How unknowns follow is known from the compliance `C = Eᵀ A⁻¹ E` of those that are to be whole, a dense matrix: fixing one is an update of rank
 //! one, and not a solve.
 
+use chladni_algebra::SparseMatrix;
 use chladni_base::Monitor;
 
 use super::super::poisson::Factor;
@@ -31,8 +32,9 @@ const TRIED: i32 = 12;
 /// What is nearer to a whole number than this is made that number, so that closures hold exactly.
 const WHOLE: f64 = 1e-3;
 
-/// Rounds unknowns of a solution, the `leading` ones of them before the others. How far the worst of them is from a whole number after it: a half
-/// where whole numbers of the others force it.
+/// Rounds unknowns of a solution of a matrix, the `leading` ones of them before the others. How far the worst of them is from a whole number after it: a
+/// half where whole numbers of the others force it. Groups of unknowns that have nothing to do with each other (see [`apart`]) are rounded each by itself,
+/// and one solve tells how the unknowns of all of them follow.
 ///
 /// # Errors
 /// Cancellation.
@@ -40,27 +42,80 @@ pub(super) fn round(
     factor: &Factor,
     solution: &mut [f64],
     (unknowns, leading): (&[u32], usize),
+    groups: &[Vec<usize>],
     monitor: &dyn Monitor,
 ) -> Result<f64, QuadError> {
-    let k = unknowns.len();
-    // Row `j` is how all of them follow a pull at the `j`-th.
-    let mut compliance: Vec<Vec<f64>> = Vec::with_capacity(k);
-    for some in unknowns.chunks(AT_ONCE) {
+    let most = groups.iter().map(Vec::len).max().unwrap_or(0);
+    // Of each group row `j` is how all of them follow a pull at the `j`-th.
+    let mut compliances: Vec<Vec<Vec<f64>>> = vec![Vec::new(); groups.len()];
+    for first in (0..most).step_by(AT_ONCE) {
         monitor.checkpoint()?;
         let mut columns: [Vec<f64>; AT_ONCE] = std::array::from_fn(|at| {
             let mut unit = vec![0.0; solution.len()];
-            if let Some(&unknown) = some.get(at) {
-                unit[unknown as usize] = 1.0;
-            }
+            let pulled = groups.iter().filter_map(|group| group.get(first + at));
+            pulled.for_each(|&k| unit[unknowns[k] as usize] = 1.0);
             unit
         });
         factor.solve(&mut columns);
-        let own = columns.iter().take(some.len());
-        compliance
-            .extend(own.map(|column| unknowns.iter().map(|&unknown| column[unknown as usize]).collect::<Vec<f64>>()));
+        for (group, compliance) in groups.iter().zip(&mut compliances) {
+            let own = columns.iter().take(group.len().saturating_sub(first));
+            compliance.extend(own.map(|x| group.iter().map(|&k| x[unknowns[k] as usize]).collect::<Vec<f64>>()));
+        }
     }
+    let mut columns = [vec![0.0; solution.len()]];
+    for (group, compliance) in groups.iter().zip(compliances) {
+        let leading = group.partition_point(|&k| k < leading);
+        let values = group.iter().map(|&k| solution[unknowns[k] as usize]).collect();
+        let force = settled(compliance, values, leading, monitor)?;
+        group.iter().zip(&force).for_each(|(&k, force)| columns[0][unknowns[k] as usize] += force);
+    }
+    factor.solve(&mut columns);
+    solution.iter_mut().zip(&columns[0]).for_each(|(x, step)| *x += step);
+    let off = |x: f64| (x - x.round()).abs();
+    let misfit = unknowns.iter().map(|&u| off(solution[u as usize])).fold(0.0, f64::max);
+    unknowns.iter().map(|&u| u as usize).for_each(|u| {
+        // Halves are as exact as whole numbers.
+        let twice = 2.0 * solution[u];
+        if off(twice) < WHOLE {
+            solution[u] = twice.round() / 2.0;
+        }
+    });
+    Ok(misfit)
+}
+
+/// The unknowns by their positions in the list, ascending, in groups that nothing in the matrix connects: those of the components of a surface.
+pub(super) fn apart(matrix: &SparseMatrix, unknowns: &[u32]) -> Vec<Vec<usize>> {
+    const NONE: u32 = u32::MAX;
+    let mut part = vec![NONE; matrix.rows()];
+    let (mut groups, mut open): (Vec<Vec<usize>>, Vec<u32>) = (Vec::new(), Vec::new());
+    for (k, &unknown) in unknowns.iter().enumerate() {
+        if part[unknown as usize] == NONE {
+            let own = groups.len() as u32;
+            groups.push(Vec::new());
+            part[unknown as usize] = own;
+            open.push(unknown);
+            while let Some(row) = open.pop() {
+                for &column in matrix.row(row as usize).0 {
+                    if std::mem::replace(&mut part[column as usize], own) == NONE {
+                        open.push(column);
+                    }
+                }
+            }
+        }
+        groups[part[unknown as usize] as usize].push(k);
+    }
+    groups
+}
+
+/// The pulls that make values whole, the `leading` ones before the others.
+fn settled(
+    mut compliance: Vec<Vec<f64>>,
+    mut values: Vec<f64>,
+    leading: usize,
+    monitor: &dyn Monitor,
+) -> Result<Vec<f64>, QuadError> {
+    let k = values.len();
     let first: Vec<f64> = (0..k).map(|j| compliance[j][j]).collect();
-    let mut values: Vec<f64> = unknowns.iter().map(|&unknown| solution[unknown as usize]).collect();
     // Pulls that give the columns of the compliance as it is now, and those that are in force.
     let mut pulls: Vec<Vec<f64>> = (0..k).map(|j| (0..k).map(|i| f64::from(u8::from(i == j))).collect()).collect();
     let mut force = vec![0.0; k];
@@ -89,20 +144,7 @@ pub(super) fn round(
         }
         open.retain(|&j| j != next);
     }
-    let mut columns = [vec![0.0; solution.len()]];
-    unknowns.iter().zip(&force).for_each(|(&unknown, force)| columns[0][unknown as usize] += force);
-    factor.solve(&mut columns);
-    solution.iter_mut().zip(&columns[0]).for_each(|(x, step)| *x += step);
-    let off = |x: f64| (x - x.round()).abs();
-    let misfit = unknowns.iter().map(|&u| off(solution[u as usize])).fold(0.0, f64::max);
-    unknowns.iter().map(|&u| u as usize).for_each(|u| {
-        // Halves are as exact as whole numbers.
-        let twice = 2.0 * solution[u];
-        if off(twice) < WHOLE {
-            solution[u] = twice.round() / 2.0;
-        }
-    });
-    Ok(misfit)
+    Ok(force)
 }
 
 /// Which of the unknowns that are decided together with `next` is fixed, and the whole number that it takes.

@@ -12,9 +12,9 @@ use super::{Inverse, WeightedModel};
 const REFINEMENTS: usize = 2;
 
 /// The system for the multipliers, `C K⁻¹ Cᵀ` with what each constraint gives way on its diagonal.
-struct System {
+pub(in super::super) struct System {
     matrix: DenseMatrix,
-    factor: DefiniteFactor,
+    pub(in super::super) factor: DefiniteFactor,
     /// Mean of the diagonal before constraints gave way.
     mean: f64,
 }
@@ -24,12 +24,12 @@ impl WeightedModel {
     pub(super) fn multipliers(
         &self,
         rows: &DenseMatrix,
-        solved: &DenseMatrix,
+        compliance: DenseMatrix,
         conditions: &[Condition],
         (b, kernel): (usize, Kernel<'_>),
         z: &mut [f64],
     ) -> Result<Vec<f64>, DesignError> {
-        let system = System::new(self.compliance_of(rows, solved), conditions, b)?;
+        let system = System::new(compliance, conditions, b)?;
         let right = right_hand_sides(rows, conditions, (b, kernel), z);
         let mut solutions = right.clone();
         system.factor.solve(&mut solutions).map_err(DesignError::Factor)?;
@@ -48,7 +48,7 @@ impl WeightedModel {
     }
 
     /// `C K⁻¹ Cᵀ`: how far a pull at one constrained number moves each other.
-    fn compliance_of(&self, rows: &DenseMatrix, solved: &DenseMatrix) -> DenseMatrix {
+    pub(super) fn compliance_of(&self, rows: &DenseMatrix, solved: &DenseMatrix) -> DenseMatrix {
         match &self.inverse {
             Inverse::Ritz(diagonal) => {
                 // Half of K⁻¹ on either side keeps the product symmetric.
@@ -64,7 +64,12 @@ impl WeightedModel {
 }
 
 impl System {
-    fn new(mut matrix: DenseMatrix, conditions: &[Condition], b: usize) -> Result<Self, DesignError> {
+    /// Of what pulls move, to which it adds by how much each condition gives way.
+    pub(in super::super) fn new(
+        mut matrix: DenseMatrix,
+        conditions: &[Condition],
+        b: usize,
+    ) -> Result<Self, DesignError> {
         let mean = mean_of_diagonal(&matrix);
         for (i, slack) in slacks(&matrix, conditions, b).into_iter().enumerate() {
             matrix.column_mut(i)[i] += slack;
@@ -80,7 +85,13 @@ impl System {
 
     /// Has hard constraints give way no longer. Where `K⁻¹` is a sparse factor, a pull moves what has nearly no energy so far that the share of it
     /// which they give way is much.
-    fn refine(&self, right: &[f64], conditions: &[Condition], b: usize, y: &mut [f64]) -> Result<(), DesignError> {
+    pub(in super::super) fn refine(
+        &self,
+        right: &[f64],
+        conditions: &[Condition],
+        b: usize,
+        y: &mut [f64],
+    ) -> Result<(), DesignError> {
         let k = y.len();
         for _ in 0..REFINEMENTS {
             let mut rest = DenseMatrix::zeros(k, 1);
@@ -117,7 +128,10 @@ fn right_hand_sides(
 }
 
 /// How much of each field of the kernel there is; where constraints do not say, as little as possible.
-fn amounts_of_kernel(right: &DenseMatrix, solutions: &DenseMatrix) -> Result<Vec<f64>, DesignError> {
+pub(in super::super) fn amounts_of_kernel(
+    right: &DenseMatrix,
+    solutions: &DenseMatrix,
+) -> Result<Vec<f64>, DesignError> {
     let free = right.columns() - 1;
     let products = right.transposed_times(solutions);
     let largest = (0..free).map(|j| products.column(1 + j)[1 + j]).fold(0.0, f64::max);

@@ -1,0 +1,301 @@
+//! The field of least energy among all fields of a surface, by sparse factors.
+//!
+//! Where the sum of the energies is a product, `K = μ (S + αM) M⁻¹ (S + βM)`, its inverse is a difference, `((S + αM)⁻¹ − (S + βM)⁻¹) / μ(β − α)`.
+//! What constraints move at each other's faces then takes half of a solve with either factor on the few supernodes that they reach, and the field
+//! itself one substitution with either. Fields without energy are taken out of the right-hand sides before they are solved for.
+
+use chladni_algebra::{DenseMatrix, HalfSolved, lowest_symmetric};
+use chladni_base::{Monitor, SplitMix64, Unwatched};
+use rayon::prelude::*;
+
+use super::design::{Constraint, Design, DesignError};
+use super::direct::{Direct, ShiftedFactor};
+use super::idle::dot as small_dot;
+use super::refine::{RefineError, Refined};
+use super::refine_response::{IDLE, Response, Sum, Whole, add, dot};
+use super::weighted::{System, WeightedModel, amounts_of_kernel};
+use crate::basis::FieldBasis;
+
+/// More constraints are met by conjugate gradients on their pulls.
+const MOST_CONSTRAINTS: usize = 128;
+
+/// How much closer together both inverses may be than either is large: their difference loses as many digits.
+const MOST_CANCELLED: f64 = 1e6;
+
+/// Fields without energy that are looked for at first, and at most.
+const FIRST_IDLE: usize = 8;
+const MOST_IDLE: usize = 128;
+
+/// Steps of subspace iteration: each leaves the least shift over the lowest positive eigenvalue of what is not idle.
+const IDLE_STEPS: usize = 3;
+
+/// How closely what alignments pull is answered.
+const CLOSE: f64 = 1e-10;
+
+/// The inverse as a difference: `scale · ((S + αM)⁻¹ − (S + βM)⁻¹)`, or the first of them alone.
+struct Difference {
+    small: f64,
+    large: Option<f64>,
+    scale: f64,
+}
+
+impl Difference {
+    /// Of a sum with real roots that are not the same.
+    fn of(sum: &Sum) -> Option<Self> {
+        if sum.masses.is_some() {
+            return None;
+        }
+        if sum.biharmonic <= 0.0 {
+            let some = sum.harmonic > 0.0;
+            return some.then(|| Self { small: sum.uniform / sum.harmonic, large: None, scale: 1.0 / sum.harmonic });
+        }
+        let (half, held) = (0.5 * sum.harmonic / sum.biharmonic, sum.uniform / sum.biharmonic);
+        let square = half * half - held;
+        if !(square > 0.0) {
+            return None;
+        }
+        let large = half + square.sqrt();
+        let small = held / large;
+        let scale = 1.0 / (sum.biharmonic * (large - small));
+        let fits = scale.is_finite() && large <= super::refine_response::MOST_SHIFT;
+        fits.then_some(Self { small, large: Some(large), scale })
+    }
+}
+
+/// What pulls move at the constrained numbers, `factor` times.
+fn add_products<const B: usize>(halves: &[std::sync::Arc<HalfSolved>], factor: f64, into: &mut DenseMatrix) {
+    let pairs: Vec<(usize, usize)> = (0..halves.len()).flat_map(|j| (0..=j).map(move |i| (i, j))).collect();
+    let products: Vec<Vec<f64>> = pairs.par_iter().map(|&(i, j)| halves[i].product(&halves[j])).collect();
+    for ((i, j), product) in pairs.into_iter().zip(products) {
+        for (at, value) in product.into_iter().enumerate() {
+            let (row, column) = (B * i + at / B, B * j + at % B);
+            into.column_mut(column)[row] += factor * value;
+            if i != j {
+                into.column_mut(row)[column] += factor * value;
+            }
+        }
+    }
+}
+
+impl<const B: usize> Whole<B> {
+    /// The field of least energy under the constraints of a design of the same model, the strength of each measured by what all fields of the surface
+    /// resist with; `None` where the sum of the energies is no such product, or where there are too many constraints.
+    pub(super) fn least(
+        &self,
+        weighted: &WeightedModel,
+        basis: &FieldBasis,
+        constraints: &[Constraint],
+        design: &Design,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<Refined>, RefineError> {
+        let (sum, force) = weighted.whole_sum(B * self.mass.len());
+        let (Some(direct), Some(difference)) = (&self.direct, Difference::of(&sum)) else { return Ok(None) };
+        let conditions = weighted.conditions(basis, constraints)?;
+        if conditions.len() > MOST_CONSTRAINTS {
+            return Ok(None);
+        }
+        let factor = |gamma: f64| -> Result<_, RefineError> {
+            monitor.checkpoint()?;
+            Ok(direct.factor(&self.stiffness, &self.mass, gamma).map_err(DesignError::Sparse)?)
+        };
+        let first = factor(difference.small)?;
+        let second = difference.large.map(factor).transpose()?;
+        let kernel: &[Vec<f64>] = if sum.uniform > 0.0 { &[] } else { self.idle(direct, &first, monitor)? };
+        let mut field = match force {
+            Some(force) => Response::new(self, sum, kernel)?.apply(&force, CLOSE, monitor)?,
+            None => vec![0.0; B * self.mass.len()],
+        };
+        if !conditions.is_empty() {
+            let faces: Vec<u32> = conditions.iter().map(|condition| condition.face).collect();
+            let halves = direct.halves(&first, &faces);
+            let others = second.as_ref().map(|factor| direct.halves(factor, &faces));
+            let size = B * faces.len();
+            let (mut moved, mut less) = (DenseMatrix::zeros(size, size), DenseMatrix::zeros(size, size));
+            add_products::<B>(&halves, difference.scale, &mut moved);
+            others.iter().for_each(|halves| add_products::<B>(halves, -difference.scale, &mut less));
+            let idle = IdleHalves::new(self, direct, &first, kernel, &faces, &halves);
+            idle.take_out(difference.scale, &mut moved);
+            let trace = |matrix: &DenseMatrix| (0..size).map(|i| matrix.column(i)[i].abs()).sum::<f64>();
+            let before = trace(&moved);
+            moved.values_mut().iter_mut().zip(less.values()).for_each(|(m, l)| *m += l);
+            if let Some(second) = &second {
+                idle.take_out_of_second(difference.scale / second.gamma, &mut moved);
+            }
+            if !(before <= MOST_CANCELLED * trace(&moved)) {
+                return Ok(None);
+            }
+            let system = System::new(moved, &conditions, B)?;
+            let mut right = DenseMatrix::zeros(size, 1 + kernel.len());
+            for (i, missing) in right.column_mut(0).iter_mut().enumerate() {
+                let condition = &conditions[i / B];
+                *missing = condition.value[i % B] - field[B * condition.face as usize + i % B];
+            }
+            for k in 0..kernel.len() {
+                right.column_mut(1 + k).iter_mut().zip(&idle.values).for_each(|(r, values)| *r = values[k]);
+            }
+            let (y, amounts) = system.pulls(&right, &conditions, B)?;
+            let mut half = vec![0.0; B * self.mass.len()];
+            halves.iter().zip(y.chunks_exact(B)).for_each(|(own, y)| own.add_to(y, &mut half));
+            idle.take_out_of_half(&y, &mut half);
+            let second = second.as_ref().zip(others).map(|(factor, others)| {
+                let mut half = vec![0.0; B * self.mass.len()];
+                others.iter().zip(y.chunks_exact(B)).for_each(|(own, y)| own.add_to(y, &mut half));
+                (factor, half)
+            });
+            let (mut own, other) = rayon::join(
+                || direct.substituted(&first, half),
+                || second.map(|(factor, half)| direct.substituted(factor, half)),
+            );
+            other.iter().for_each(|other| add(&mut own, other, -1.0));
+            for z in kernel {
+                let share = self.product(z, &own);
+                add(&mut own, z, -share);
+            }
+            add(&mut field, &own, difference.scale);
+            kernel.iter().zip(amounts).for_each(|(z, amount)| add(&mut field, z, amount));
+        }
+        let nearest = weighted.nearest(basis, &self.weighed(&field));
+        let coefficients = nearest.unwrap_or_else(|| design.coefficients.clone());
+        self.told(weighted, basis, constraints, coefficients, field, 0).map(Some)
+    }
+
+    fn weighed(&self, field: &[f64]) -> Vec<f64> {
+        let mut image = field.to_vec();
+        self.weigh(&mut image);
+        image
+    }
+
+    /// Fields without energy, by subspace iteration with the factor of the least shift; they are kept.
+    fn idle(
+        &self,
+        direct: &Direct<B>,
+        factor: &ShiftedFactor,
+        monitor: &dyn Monitor,
+    ) -> Result<&[Vec<f64>], RefineError> {
+        if let Some(known) = self.kernel.get() {
+            return Ok(known);
+        }
+        let size = B * self.mass.len();
+        let mut count = FIRST_IDLE.min(size);
+        let found = loop {
+            let mut random = SplitMix64::new(1);
+            let mut fields: Vec<Vec<f64>> =
+                (0..count).map(|_| (0..size).map(|_| random.signed_unit()).collect()).collect();
+            for _ in 0..IDLE_STEPS {
+                monitor.checkpoint()?;
+                fields = fields.par_iter().map(|field| direct.solve(factor, &self.weighed(field))).collect();
+                self.orthonormalise(&mut fields);
+            }
+            let images: Vec<Vec<f64>> = fields.iter().map(|field| self.stiff(field)).collect();
+            let mut energies = DenseMatrix::zeros(count, count);
+            for j in 0..count {
+                for i in 0..count {
+                    energies.column_mut(j)[i] = 0.5 * (dot(&fields[i], &images[j]) + dot(&fields[j], &images[i]));
+                }
+            }
+            let pairs = lowest_symmetric(energies, count, &Unwatched).map_err(DesignError::Eigen)?;
+            let idle = pairs.values.iter().take_while(|value| **value < IDLE).count();
+            if idle < count || count == MOST_IDLE.min(size) {
+                let mixed = |k: usize| {
+                    let mut sum = vec![0.0; size];
+                    fields.iter().zip(pairs.vectors.column(k)).for_each(|(field, &share)| add(&mut sum, field, share));
+                    sum
+                };
+                break (0..idle).map(mixed).collect::<Vec<_>>();
+            }
+            count = (2 * count).min(MOST_IDLE).min(size);
+        };
+        Ok(self.kernel.get_or_init(|| found))
+    }
+}
+
+/// What fields without energy have at the constrained numbers, and what is needed to take them out of the first inverse.
+struct IdleHalves<'a> {
+    /// For each number those of all fields.
+    values: Vec<Vec<f64>>,
+    /// For each number the products of half of its solve with those for `M z`.
+    products: Vec<Vec<f64>>,
+    /// `(M z)ᵀ (S + αM)⁻¹ M z'`.
+    square: Vec<Vec<f64>>,
+    halves: &'a [Vec<f64>],
+}
+
+impl<'a> IdleHalves<'a> {
+    fn new<const B: usize>(
+        whole: &Whole<B>,
+        direct: &Direct<B>,
+        factor: &'a ShiftedFactor,
+        kernel: &[Vec<f64>],
+        faces: &[u32],
+        own: &[std::sync::Arc<HalfSolved>],
+    ) -> Self {
+        if kernel.is_empty() {
+            let none = || vec![Vec::new(); B * faces.len()];
+            return Self { values: none(), products: none(), square: Vec::new(), halves: &[] };
+        }
+        let images: Vec<Vec<f64>> = kernel.iter().map(|field| whole.weighed(field)).collect();
+        let halves = direct.idle_halves(factor, &images);
+        let values = faces.iter().flat_map(|&face| (0..B).map(move |i| B * face as usize + i));
+        let values = values.map(|at| kernel.iter().map(|field| field[at]).collect()).collect();
+        let with = |half: &HalfSolved| {
+            let all: Vec<Vec<f64>> = halves.iter().map(|idle| half.product_with(idle)).collect();
+            (0..B).map(|i| all.iter().map(|own| own[i]).collect::<Vec<f64>>()).collect::<Vec<_>>()
+        };
+        let products = own.par_iter().flat_map_iter(|half| with(half)).collect();
+        let solved: Vec<Vec<f64>> = halves.par_iter().map(|half| direct.substituted(factor, half.clone())).collect();
+        let square = images.iter().map(|image| solved.iter().map(|x| small_dot(image, x)).collect()).collect();
+        Self { values, products, square, halves }
+    }
+
+    /// From `Cᵀ A⁻¹ C` to `(PC)ᵀ A⁻¹ PC`, where `P` takes the images of idle fields out of pulls.
+    fn take_out(&self, scale: f64, moved: &mut DenseMatrix) {
+        if self.halves.is_empty() {
+            return;
+        }
+        for (j, (value, product)) in self.values.iter().zip(&self.products).enumerate() {
+            let turned: Vec<f64> = self.square.iter().map(|row| small_dot(row, value)).collect();
+            for (i, into) in moved.column_mut(j).iter_mut().enumerate() {
+                let both = small_dot(&self.values[i], &turned)
+                    - small_dot(&self.products[i], value)
+                    - small_dot(&self.values[i], product);
+                *into += scale * both;
+            }
+        }
+    }
+
+    /// The same of the second inverse, `−scale · γ (S + γM)⁻¹`, in which idle fields are eigenvectors of `1 / γ`.
+    fn take_out_of_second(&self, scale: f64, moved: &mut DenseMatrix) {
+        for (j, value) in self.values.iter().enumerate() {
+            let column = moved.column_mut(j).iter_mut().zip(&self.values);
+            column.for_each(|(into, own)| *into += scale * small_dot(own, value));
+        }
+    }
+
+    fn take_out_of_half(&self, y: &[f64], half: &mut [f64]) {
+        for (k, idle) in self.halves.iter().enumerate() {
+            let share: f64 = self.values.iter().zip(y).map(|(values, y)| values[k] * y).sum();
+            add(half, idle, -share);
+        }
+    }
+}
+
+impl System {
+    /// What pulls at each constrained number, and how much there is of each field without energy: `right` has what is missing, and then the values
+    /// of those fields.
+    fn pulls(
+        &self,
+        right: &DenseMatrix,
+        conditions: &[super::constraints::Condition],
+        b: usize,
+    ) -> Result<(Vec<f64>, Vec<f64>), DesignError> {
+        let mut solutions = right.clone();
+        self.factor.solve(&mut solutions).map_err(DesignError::Factor)?;
+        let mut y = solutions.column(0).to_vec();
+        self.refine(right.column(0), conditions, b, &mut y)?;
+        let amounts = if right.columns() > 1 { amounts_of_kernel(right, &solutions)? } else { Vec::new() };
+        for (j, amount) in amounts.iter().enumerate() {
+            y.iter_mut().zip(solutions.column(1 + j)).for_each(|(y, t)| *y -= amount * t);
+        }
+        Ok((y, amounts))
+    }
+}

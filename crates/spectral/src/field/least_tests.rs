@@ -1,0 +1,170 @@
+//! Designs by sparse factors of the whole surface, against conjugate gradients with cycles and dense factors.
+
+use std::sync::Arc;
+
+use chladni_base::Unwatched;
+use chladni_mesh::fixtures::union;
+use chladni_mesh::shape::{Shape, generate, noisy};
+
+use super::*;
+use crate::operator::hodge::FieldBoundary;
+use crate::operator::transport::FieldKind;
+
+struct Problem {
+    surface: FieldSurface,
+    basis: FieldBasis,
+    model: DesignModel,
+    factored: FullSpace,
+    cycled: FullSpace,
+}
+
+fn problem(surface: FieldSurface, kind: FieldKind, dimension: usize) -> Problem {
+    let basis = field_basis(&surface, &FieldParameters::new(kind, dimension), &Unwatched).unwrap();
+    let model = DesignModel::new(&basis, &Unwatched).unwrap();
+    let boundary = FieldBoundary::default();
+    let factored = FullSpace::new(&surface, kind, boundary, &Unwatched).unwrap();
+    assert!(factored.is_factored());
+    let cycled = FullSpace::by_cycles(&surface, kind, boundary);
+    assert!(!cycled.is_factored());
+    Problem { surface, basis, model, factored, cycled }
+}
+
+impl Problem {
+    fn least(&self, weighted: &WeightedModel, constraints: &[Constraint]) -> (Design, Option<Refined>) {
+        let design = weighted.solve(&self.basis, constraints).unwrap();
+        let found = self.factored.least(weighted, &self.basis, constraints, &design, &Unwatched).unwrap();
+        (design, found)
+    }
+
+    fn off(&self, a: &[f64], b: &[f64]) -> f64 {
+        let block = self.basis.space.block();
+        let areas = self.surface.frames().areas();
+        let square =
+            |x: &mut dyn Iterator<Item = f64>| -> f64 { x.enumerate().map(|(i, x)| areas[i / block] * x * x).sum() };
+        let apart = square(&mut a.iter().zip(b).map(|(a, b)| a - b));
+        (apart / square(&mut b.iter().copied())).sqrt()
+    }
+}
+
+fn spread(faces: usize, count: usize, hold: impl Fn(usize) -> Hold) -> Vec<Constraint> {
+    let one = |i: usize| Constraint {
+        face: ((i * faces) / count + i * i % 7) as u32,
+        value: [(1.3 * i as f64).cos(), (0.7 * i as f64).sin(), 0.4],
+        hold: hold(i),
+    };
+    (0..count).map(one).collect()
+}
+
+const KINDS: [FieldKind; 4] =
+    [FieldKind::Vector {}, FieldKind::NVector { n: 1 }, FieldKind::NVector { n: 4 }, FieldKind::Tensor {}];
+
+#[test]
+fn designs_by_factors_are_those_of_cycles() {
+    for shape in [Shape::Sphere, Shape::Torus, Shape::Rectangle] {
+        for kind in KINDS {
+            let mesh = noisy(&generate(shape, 400).unwrap(), 0.2, 1).unwrap();
+            let p = problem(FieldSurface::new(mesh).unwrap(), kind, 120);
+            for (harmonic, biharmonic) in [(1.0, 0.05), (2.0, 0.001), (1.0, 0.0)] {
+                let weighted = p.model.weighted(EnergyWeights { harmonic, biharmonic }, None).unwrap();
+                let hold = |i: usize| if i.is_multiple_of(2) { Hold::Exact } else { Hold::Weight(30.0) };
+                let constraints = spread(p.surface.faces(), 7, hold);
+                let (design, found) = p.least(&weighted, &constraints);
+                let found = found.unwrap();
+                let cycled = p.cycled.refine(&weighted, &p.basis, &constraints, &design, 1e-10, &Unwatched).unwrap();
+                let off = p.off(&found.field, &cycled.field);
+                println!("{shape:?} {kind:?} {harmonic} {biharmonic}: {off:.1e}");
+                assert!(off < 1e-6, "{shape:?} {kind:?} {harmonic} {biharmonic}: {off}");
+                assert!(
+                    (found.harmonic_energy - cycled.harmonic_energy).abs() < 1e-5 * cycled.harmonic_energy.max(1e-3)
+                );
+                // As exactly as fields without energy are told from others.
+                assert!(found.residuals.iter().step_by(2).all(|missed| *missed < 1e-6), "{:?}", found.residuals);
+                // Its coefficients are those of the field of the space that is nearest: none is nearer, that of the design neither.
+                assert!(found.distance <= cycled.distance * (1.0 + 1e-5), "{} {}", found.distance, cycled.distance);
+                // The same factors serve conjugate gradients.
+                let again = p.factored.refine(&weighted, &p.basis, &constraints, &design, 1e-10, &Unwatched).unwrap();
+                let off = p.off(&again.field, &cycled.field);
+                assert!(off < 1e-6, "{shape:?} {kind:?} {harmonic} {biharmonic}, by steps: {off}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_lone_stroke_misses_its_share_on_the_whole_surface_and_no_basis_changes_the_field() {
+    for kind in KINDS {
+        let surface = FieldSurface::new(generate(Shape::Torus, 500).unwrap()).unwrap();
+        let [small, large] = [60, 240].map(|dimension| problem(surface.clone(), kind, dimension));
+        for (face, strength) in [(3, 1.0), (400, 0.1)] {
+            let value = [0.6, 0.8, 0.3];
+            let constraints = [Constraint { face, value, hold: Hold::Strength(strength) }];
+            let of = |p: &Problem| {
+                let weighted = p.model.weighted(EnergyWeights::default(), None).unwrap();
+                p.least(&weighted, &constraints).1.unwrap()
+            };
+            let (a, b) = (of(&small), of(&large));
+            assert!(small.off(&a.field, &b.field) < 1e-8, "{kind:?}: {}", small.off(&a.field, &b.field));
+            if small.factored.idle() == 0 {
+                let length = value[..kind.block()].iter().map(|v| v * v).sum::<f64>().sqrt();
+                let missed = a.residuals[0] / length * (1.0 + 100.0 * strength);
+                assert!((missed - 1.0).abs() < 1e-4, "{kind:?}: {missed}");
+            }
+        }
+    }
+}
+
+#[test]
+fn alignments_that_do_not_outweigh_the_energies_are_met_by_factors_and_others_are_left_to_steps() {
+    let surface = FieldSurface::new(generate(Shape::Torus, 400).unwrap()).unwrap();
+    let p = problem(surface, FieldKind::NVector { n: 4 }, 120);
+    let faces = p.surface.faces();
+    let target: Vec<f64> = (0..2 * faces).map(|i| (i as f64 * 0.37).sin()).collect();
+    let shares: Vec<f64> = (0..faces).map(|f| 0.5 + (f as f64 * 0.11).cos() * 0.5).collect();
+    for (weight, per_face, direct) in [(2.0, None, true), (50.0, None, false), (2.0, Some(shares.as_slice()), false)] {
+        let areas = p.surface.frames().areas();
+        let alignment = Arc::new(p.model.alignment(&p.basis, areas, &target, per_face).unwrap());
+        let weighted = p.model.weighted(EnergyWeights::default(), Some((alignment, weight))).unwrap();
+        for constraints in [Vec::new(), spread(faces, 3, |_| Hold::Exact)] {
+            let (design, found) = p.least(&weighted, &constraints);
+            assert_eq!(found.is_some(), direct, "{weight}");
+            let by_steps = |full: &FullSpace| {
+                full.refine(&weighted, &p.basis, &constraints, &design, 1e-10, &Unwatched).unwrap().field
+            };
+            let cycled = by_steps(&p.cycled);
+            for field in [found.map(|found| found.field), Some(by_steps(&p.factored))].into_iter().flatten() {
+                assert!(p.off(&field, &cycled) < 1e-7, "{weight}: {}", p.off(&field, &cycled));
+            }
+        }
+    }
+}
+
+/// One stroke fixes two of the four numbers of fields without energy on two plates. The least field that meets it is zero on the other plate.
+#[test]
+fn fields_without_energy_that_no_constraint_holds_are_as_small_as_possible_by_factors_too() {
+    let plates = [260, 300].map(|vertices| generate(Shape::Rectangle, vertices).unwrap());
+    let first = plates[0].faces.len();
+    let p = problem(FieldSurface::new(union(&plates)).unwrap(), FieldKind::NVector { n: 4 }, 120);
+    let weighted = p.model.weighted(EnergyWeights::default(), None).unwrap();
+    for face in [17, first as u32 + 40] {
+        let constraints = [Constraint { face, value: [0.6, -1.1, 0.0], hold: Hold::Strength(1.0) }];
+        let found = p.least(&weighted, &constraints).1.unwrap();
+        assert_eq!(p.factored.idle(), 4);
+        for (at, u) in found.field.as_chunks::<2>().0.iter().enumerate() {
+            let wanted = if (at < first) == ((face as usize) < first) { 0.6f64.hypot(1.1) } else { 0.0 };
+            assert!((u[0].hypot(u[1]) - wanted).abs() < 1e-6, "stroke on face {face}, face {at}: {u:?}");
+        }
+    }
+}
+
+#[test]
+fn designs_on_a_real_surface_with_fingers_are_those_of_cycles_where_the_space_is_far_off() {
+    let Some(surface) = real_meshes::surface("homer-remeshed-4531.off") else { return };
+    let p = problem(surface, FieldKind::NVector { n: 4 }, 1000);
+    let weighted = p.model.weighted(EnergyWeights::default(), None).unwrap();
+    let constraints = spread(p.surface.faces(), 5, |_| Hold::Exact);
+    let (design, found) = p.least(&weighted, &constraints);
+    let found = found.unwrap();
+    let cycled = p.cycled.refine(&weighted, &p.basis, &constraints, &design, 1e-9, &Unwatched).unwrap();
+    println!("homer: reduced off by {:.3}, nearest by {:.3}", cycled.distance, found.distance);
+    assert!(p.off(&found.field, &cycled.field) < 1e-7, "{}", p.off(&found.field, &cycled.field));
+}
