@@ -9,7 +9,6 @@
 //! | valid for | small displacements; the rest shape is free of stress |
 //! | source | thesis, §2.6, eq. 2.14 |
 
-mod bending;
 pub mod rigid;
 mod shell;
 mod solid;

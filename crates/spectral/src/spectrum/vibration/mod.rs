@@ -322,6 +322,4 @@ fn bounds(elastic: &ElasticProblem, basis: &ModalBasis, monitor: &dyn Monitor) -
 }
 
 #[cfg(test)]
-mod plates_tests;
-#[cfg(test)]
 mod tests;
