@@ -280,13 +280,14 @@ export interface paths {
          *     ℝ³ or in the frame of the face (`GET /meshes/{id}/frames`); a stroke may be a line of points as well. Everything is sent again with each request:
          *     what does not change is kept by the server, a moved stroke costs one small solve. Send requests over one kept connection.
          *
-         *     A field of the space of the basis stands for one of all fields of the surface under the same constraints. With `error` the answer says how far it
-         *     is from that one, with `refine` that one is the answer, to a tolerance: coefficients stay those of the basis, energies, residuals and the field
-         *     are those of the refined one.
+         *     On surfaces of up to 100,000 faces the field is the one of least energy among all fields of the surface, by sparse factors that are kept; energies and
+         *     residuals are its own, coefficients are those of the field of the space that is nearest to it, and `error` is how far that is. On larger surfaces, and
+         *     with `"space": "basis"`, it is a field of the space of the basis, which stands for that one: with `error` the answer says how far it is from it, with
+         *     `refine` that one is the answer, to a tolerance. `space` in the answer says which of both it is.
          *
          *     With `Accept: application/octet-stream` the answer is the lifted field as little-endian f32, f16 or octahedral directions (`encoding`), face after
          *     face, with its shape in `Chladni-Rows` and `Chladni-Columns`, the energies in `Chladni-Energies` (harmonic, biharmonic, alignment), the largest
-         *     residual of a constraint in `Chladni-Residual`, and `error` in `Chladni-Error`. `faces` restricts it to some: 3,000 faces of a sample are 36,000
+         *     residual of a constraint in `Chladni-Residual`, `space` in `Chladni-Space` and `error` in `Chladni-Error`. `faces` restricts it to some: 3,000 faces of a sample are 36,000
          *     bytes, half of that in f16, a third as octahedral directions, whatever the surface. Which faces a sample has is in `field.faces` of a JSON answer,
          *     and stays the same.
          */
@@ -619,7 +620,7 @@ export interface paths {
          *     moves a slider: 100 pairs in a space of 780 functions take some tens of milliseconds.
          *
          *     With `Accept: application/octet-stream` the answer is what `give` names, as raw little-endian f32, row after row, and the eigenvalues
-         *     stand in `Chladni-Eigenvalues`.
+         *     stand in `Chladni-Eigenvalues`; `Chladni-Covered` is `covered`.
          */
         post: operations["familySpectrum"];
         delete?: never;
@@ -2272,7 +2273,8 @@ export interface components {
          *           "index": 1,
          *           "vertex": 2101
          *         }
-         *       ]
+         *       ],
+         *       "space": "surface"
          *     }
          */
         DesignAnswer: {
@@ -2291,7 +2293,7 @@ export interface components {
             /**
              * Format: double
              * @description How far the field of the coefficients is from that of least energy among all fields of the surface, as a share of its length (norms by area).
-             *     With `refine` that field is the answer, and this is the distance; with `error` it is an estimate of it; else null.
+             *     Where that field is the answer, this is the distance; else with `error` an estimate of it, and without null.
              */
             error: number | null;
             /**
@@ -2321,13 +2323,21 @@ export interface components {
             residuals: number[];
             /** @description The singular vertices inside the surface with their indices, where they are asked for. */
             singularities: components["schemas"]["SingularVertex"][] | null;
+            /**
+             * @description Which fields the field is the one of least energy of: `surface`, all fields of the surface, or `basis`, those of the space.
+             * @example surface
+             */
+            space: string;
         };
         /** @description What field is wanted. A front-end sends the whole of it again whenever a stroke moves: what does not change costs nothing. */
         DesignRequest: {
             alignment?: components["schemas"]["AlignmentRequest"] | null;
             /** @description What the field has to be. */
             constraints?: components["schemas"]["Pin"][];
-            /** @description Whether to estimate how far the field is from that of least energy among all fields of the surface, as a share of its length. */
+            /**
+             * @description Whether to estimate how far the field is from that of least energy among all fields of the surface, as a share of its length. Where that field
+             *     is the answer, the answer tells it in any case.
+             */
             error?: boolean;
             faces?: components["schemas"]["FacesRequest"] | null;
             /**
@@ -2337,11 +2347,21 @@ export interface components {
              */
             refine?: number | null;
             singularities?: components["schemas"]["SingularitiesRequest"] | null;
+            /**
+             * @description Which fields the design is the one of least energy of: by default all fields of the surface on surfaces of up to 100,000 faces, beyond those of the
+             *     space of the basis.
+             */
+            space?: components["schemas"]["DesignSpace"];
             /** @description Where the field should go along, softly. */
             strokes?: components["schemas"]["Stroke"][];
             /** @description Weights of the energies. */
             weights?: components["schemas"]["Weights"];
         };
+        /**
+         * @description Which fields a design is the one of least energy of.
+         * @enum {string}
+         */
+        DesignSpace: "auto" | "basis" | "surface";
         /** @description A distance on the surface. */
         DistanceKind: components["schemas"]["DistanceKindDiffusion"] | components["schemas"]["DistanceKindBiharmonic"] | components["schemas"]["DistanceKindCommuteTime"] | components["schemas"]["DistanceKindGeodesic"];
         /** @description `d² = Σ (φ(x) − φ(y))² / λ²`. */
@@ -6226,6 +6246,7 @@ export interface components {
          * @description The lowest pairs of an operator of the family.
          * @example {
          *       "coefficients": null,
+         *       "covered": 3,
          *       "eigenvalues": [
          *         0,
          *         1.9,
@@ -6236,6 +6257,11 @@ export interface components {
          */
         SpectrumAnswer: {
             coefficients: components["schemas"]["Table"] | null;
+            /**
+             * @description How many of them, from the lowest, the space of the family was made for; those beyond can be many times too large. None where `curvature` is
+             *     above 20, all where the space has every function of the mesh.
+             */
+            covered: number;
             /** @description Ascending, in 1/length² of the mesh. */
             eigenvalues: number[];
             modes: components["schemas"]["Table"] | null;
@@ -7836,6 +7862,7 @@ export interface operations {
                     "Chladni-Error"?: number;
                     "Chladni-Residual"?: number;
                     "Chladni-Rows"?: number;
+                    "Chladni-Space"?: string;
                     "Server-Timing"?: string;
                     [name: string]: unknown;
                 };
@@ -9752,6 +9779,7 @@ export interface operations {
             200: {
                 headers: {
                     "Chladni-Columns"?: number;
+                    "Chladni-Covered"?: number;
                     "Chladni-Eigenvalues"?: string;
                     "Chladni-Rows"?: number;
                     "Server-Timing"?: string;

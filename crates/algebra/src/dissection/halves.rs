@@ -3,10 +3,7 @@
 use std::collections::BinaryHeap;
 
 use super::graph::Graph;
-use super::refine::{Cut, SEPARATOR, cost};
-
-const PATIENCE: usize = 60;
-const PASSES: usize = 6;
+use super::refine::{Cut, PASSES, PATIENCE, SEPARATOR, cost};
 
 /// A graph in two sides.
 pub(super) struct Halves {

@@ -8,8 +8,8 @@ use super::graph::Graph;
 pub(super) const SEPARATOR: u8 = 2;
 
 /// How many moves without a gain a pass goes on for, and how many passes there are at most.
-const PATIENCE: usize = 60;
-const PASSES: usize = 6;
+pub(super) const PATIENCE: usize = 60;
+pub(super) const PASSES: usize = 6;
 
 /// A graph in two sides without an edge between them, and the vertices that separate them.
 pub(super) struct Cut {

@@ -7,7 +7,7 @@ use super::graph::{Graph, mix};
 use super::halves::{self, Halves};
 use super::refine::{Cut, refine};
 
-/// How a separator is looked for. Each figure was halved and doubled with the graphs of eleven meshes and grids (`cargo bench --bench ordering`).
+/// How a separator is looked for; docs/decisions/0115 says what else was tried.
 struct Tuning {
     /// Graphs of so few vertices are halved without a coarser one.
     coarsest: usize,
