@@ -24,7 +24,7 @@ fn problem(surface: FieldSurface, kind: FieldKind, dimension: usize) -> Problem 
     let boundary = FieldBoundary::default();
     let factored = FullSpace::new(&surface, kind, boundary, &Unwatched).unwrap();
     assert!(factored.is_factored());
-    let cycled = FullSpace::by_cycles(&surface, kind, boundary);
+    let cycled = FullSpace::by_cycles(&surface, kind, boundary).unwrap();
     assert!(!cycled.is_factored());
     Problem { surface, basis, model, factored, cycled }
 }

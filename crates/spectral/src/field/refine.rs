@@ -143,8 +143,12 @@ impl FullSpace {
 
     /// The same by cycles, as on surfaces that are too large for factors.
     #[cfg(test)]
-    pub(super) fn by_cycles(surface: &FieldSurface, kind: FieldKind, boundary: FieldBoundary) -> Self {
-        Self::made(surface, kind, boundary, false, &Unwatched).unwrap()
+    pub(super) fn by_cycles(
+        surface: &FieldSurface,
+        kind: FieldKind,
+        boundary: FieldBoundary,
+    ) -> Result<Self, RefineError> {
+        Self::made(surface, kind, boundary, false, &Unwatched)
     }
 
     fn made(

@@ -28,7 +28,7 @@ fn problem(surface: FieldSurface, kind: FieldKind, dimension: usize) -> Problem 
     let boundary = FieldBoundary::default();
     let whole = whole_space(&surface, kind, boundary).unwrap();
     let masses = (0..whole.mass.rows()).map(|i| whole.mass.row(i).1[0]).collect();
-    let full = FullSpace::by_cycles(&surface, kind, boundary);
+    let full = FullSpace::by_cycles(&surface, kind, boundary).unwrap();
     let model = DesignModel::new(&basis, &Unwatched).unwrap();
     Problem { basis, stiffness: whole.stiffness, masses, full, model, surface }
 }
