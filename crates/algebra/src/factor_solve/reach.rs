@@ -316,7 +316,10 @@ mod tests {
                                 let size = x.iter().fold(1.0, |most: f64, x| most.max(x.abs()));
                                 for i in 0..a.width {
                                     let exact: f64 = dense(a, i).iter().zip(&x).map(|(a, x)| a * x).sum();
-                                    assert!((products[i * b.width + j] - exact).abs() < bound * size, "{side}, {shift}");
+                                    assert!(
+                                        (products[i * b.width + j] - exact).abs() < bound * size,
+                                        "{side}, {shift}"
+                                    );
                                 }
                                 let mut half = vec![0.0; n];
                                 let unit: Vec<f64> = (0..b.width).map(|k| f64::from(u8::from(k == j))).collect();
