@@ -74,7 +74,7 @@ fn cases() -> Vec<(&'static str, SparseMatrix, MassMatrix)> {
     let mut random = SplitMix64::new(3);
     let pairs: Vec<(usize, usize)> = (0..900).map(|_| (random.below(500), random.below(500))).collect();
     let islands =
-        |k: usize| (k % 40 != 39).then_some((k, k + 1)).into_iter().chain((k % 40 == 0).then_some((k, k + 20)));
+        |k: usize| (k % 40 != 39).then_some((k, k + 1)).into_iter().chain(k.is_multiple_of(40).then_some((k, k + 20)));
     let dense = |n: usize| (0..n).flat_map(move |a| (0..a).map(move |b| (a, b)));
     let unordered = [
         ("one row", coupled(1, std::iter::empty(), 1)),
