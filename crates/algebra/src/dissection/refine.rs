@@ -189,7 +189,9 @@ impl Work<'_> {
                     let weight = graph.weights[u as usize];
                     for &w in graph.neighbours(u) {
                         if self.cut.side[w as usize] == SEPARATOR {
-                            self.beside[w as usize][other] -= weight;
+                            // Of a pattern that is not symmetric a row may not have counted this one.
+                            let beside = &mut self.beside[w as usize][other];
+                            *beside = beside.saturating_sub(weight);
                             if !self.moved[w as usize] {
                                 self.offer(w, to);
                             }

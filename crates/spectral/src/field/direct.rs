@@ -142,10 +142,12 @@ impl<const B: usize> Direct<B> {
     /// Halves of the solves for unit pulls at faces.
     pub fn halves(&self, factor: &ShiftedFactor, faces: &[u32]) -> Vec<Arc<HalfSolved>> {
         let lock = || factor.halves.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut wanted: Vec<u32> = {
-            let known = lock();
-            faces.iter().copied().filter(|face| !known.contains_key(face)).collect()
+        // Taken along now: whoever else designs may clear what is kept before the others are made.
+        let mut found: HashMap<u32, Arc<HalfSolved>> = {
+            let kept = lock();
+            faces.iter().filter_map(|face| Some((*face, kept.get(face)?.clone()))).collect()
         };
+        let mut wanted: Vec<u32> = faces.iter().copied().filter(|face| !found.contains_key(face)).collect();
         wanted.sort_unstable_by_key(|&face| self.places[face as usize]);
         wanted.dedup();
         let side = |&face: &u32| {
@@ -154,14 +156,14 @@ impl<const B: usize> Direct<B> {
         };
         let sides: Vec<Sides> = wanted.iter().map(side).collect();
         let made = self.reach.eliminate(&self.symbolic, &factor.numbers, &sides);
-        let made: HashMap<u32, Arc<HalfSolved>> = wanted.into_iter().zip(made.into_iter().map(Arc::new)).collect();
-        let mut known = lock();
-        let found = faces.iter().filter_map(|face| made.get(face).or_else(|| known.get(face)).cloned()).collect();
-        if known.len() + made.len() > KEPT_HALVES {
-            known.clear();
+        let made: Vec<(u32, Arc<HalfSolved>)> = wanted.into_iter().zip(made.into_iter().map(Arc::new)).collect();
+        found.extend(made.iter().cloned());
+        let mut kept = lock();
+        if kept.len() + made.len() > KEPT_HALVES {
+            kept.clear();
         }
-        known.extend(made);
-        found
+        kept.extend(made);
+        faces.iter().map(|face| found[face].clone()).collect()
     }
 
     /// Halves of the solves for `M z` of each field without energy, once.
