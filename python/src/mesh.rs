@@ -62,7 +62,7 @@ impl Body {
     pub fn job(&self, kind: &str, parameters: &str) -> Result<JobParameters, Failure> {
         let mut parameters: Packed = parsed("parameters", parameters)?;
         translate_parameters(&mut parameters, &self.translation(false), self.size())?;
-        Ok(JobParameters::read(kind, &parameters)?)
+        Ok(JobParameters::read(kind, &parameters)?.undivided()?)
     }
 
     /// Runs a job.

@@ -145,7 +145,7 @@ impl MapCollectionArguments {
         let count = json!(self.pairs.saturating_add(MORE_PAIRS));
         let mut given = given([("method", Some(json!("hsim"))), ("count", Some(count))]);
         insert_named(&mut given, &self.named)?;
-        Ok(JobParameters::parse("eigenbasis", &Value::Object(given))?)
+        Ok(JobParameters::parse("eigenbasis", &Value::Object(given))?.undivided()?)
     }
 
     fn request(&self) -> CollectionRequest {

@@ -107,7 +107,7 @@ impl WorkArguments {
     /// [`CliError::Usage`] or [`CliError::Parameters`] names what does not fit.
     pub fn job(&self, kind: &str, mut given: Map<String, Value>) -> Result<JobParameters, CliError> {
         insert_named(&mut given, &self.named)?;
-        Ok(JobParameters::parse(kind, &Value::Object(given))?)
+        Ok(JobParameters::parse(kind, &Value::Object(given))?.undivided()?)
     }
 
     /// Refuses parameters by name that a flag has `given` as well.

@@ -97,6 +97,15 @@ fn parts_that_do_not_make_a_whole_are_refused_in_a_sentence() {
     refused(&[&solve[..], &["1/2"]].concat(), 2, "--part needs --output");
     refused(&[&solve[..], &["3/2", "-o", text(&two)]].concat(), 2, "there is no part 3 of 2");
     refused(&[&solve[..], &["1/9", "-o", text(&two)]].concat(), 2, "make at most 2 parts of 64");
+    let few = ["solve", text(&mesh), "-n", "5", "--part", "1/2", "-o", text(&two)];
+    refused(&few, 2, "16 pairs are too few: a part takes 64");
+    // Nobody is there to divide it.
+    for command in ["solve", "run"] {
+        let kind: &[&str] = if command == "run" { &["eigenbasis"] } else { &[] };
+        let asked =
+            [&[command], kind, &[text(&mesh), "-p", "parts=2", "-p", "count=130", "-p", "method=hsim"]].concat();
+        refused(&asked, 2, "divides a job over the workers of a server");
+    }
     refused(&[&solve[..], &["1/2", "-o", text(&two), "--method", "approximate"]].concat(), 2, "is not solved in parts");
     refused(&[&solve[..], &["1/2", "-o", text(&two), "--operator", "graph"]].concat(), 2, "is not solved in parts");
 }

@@ -337,6 +337,21 @@ impl JobParameters {
         }
     }
 
+    /// The same for work that is done at once, here: nothing divides it.
+    ///
+    /// # Errors
+    /// [`ParameterError::Value`]: it asks for parts, which a server's workers solve.
+    pub fn undivided(self) -> Result<Self, ParameterError> {
+        match &self {
+            Self::Eigenbasis(EigenbasisParameters { parts: Some(_), .. }) => {
+                let reason = "divides a job over the workers of a server; without one, `chladni solve --part K/N` solves a part, and \
+                              `chladni join` makes the whole";
+                Err(ParameterError::Value { name: "parts", reason: reason.to_owned() })
+            }
+            _ => Ok(self),
+        }
+    }
+
     /// The same where trials are welcome, which have a kind of their own.
     ///
     /// # Errors

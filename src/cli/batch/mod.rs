@@ -119,7 +119,7 @@ impl BatchArguments {
             }
             (Computed::Operators { pairs }, json!({"count": pairs}))
         } else {
-            let job = JobParameters::parse(&self.kind, &Value::Object(given))?;
+            let job = JobParameters::parse(&self.kind, &Value::Object(given))?.undivided()?;
             let parameters = job.canonical();
             (Computed::Job(Box::new(job)), parameters)
         };

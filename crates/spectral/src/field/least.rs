@@ -79,7 +79,7 @@ fn add_products<const B: usize>(halves: &[std::sync::Arc<HalfSolved>], factor: f
 
 impl<const B: usize> Whole<B> {
     /// The field of least energy under the constraints of a design of the same model, the strength of each measured by what all fields of the surface
-    /// resist with; `None` where the sum of the energies is no such product, or where there are too many constraints.
+    /// resist with; `None` where the sum of the energies is no such product, or where there are too many constraints or fields without energy.
     pub(super) fn least(
         &self,
         weighted: &WeightedModel,
@@ -100,7 +100,13 @@ impl<const B: usize> Whole<B> {
         };
         let first = factor(difference.small)?;
         let second = difference.large.map(factor).transpose()?;
-        let kernel: &[Vec<f64>] = if sum.uniform > 0.0 { &[] } else { self.idle(direct, &first, monitor)? };
+        let kernel: &[Vec<f64>] = match sum.uniform > 0.0 {
+            true => &[],
+            false => match self.idle(direct, &first, monitor)? {
+                Some(kernel) => kernel,
+                None => return Ok(None),
+            },
+        };
         let mut field = match force {
             Some(force) => Response::new(self, sum, kernel)?.apply(&force, CLOSE, monitor)?,
             None => vec![0.0; B * self.mass.len()],
@@ -165,15 +171,16 @@ impl<const B: usize> Whole<B> {
         image
     }
 
-    /// Fields without energy, by subspace iteration with the factor of the least shift; they are kept.
+    /// Fields without energy, by subspace iteration with the factor of the least shift; they are kept. `None` where there may be more than are looked
+    /// for.
     fn idle(
         &self,
         direct: &Direct<B>,
         factor: &ShiftedFactor,
         monitor: &dyn Monitor,
-    ) -> Result<&[Vec<f64>], RefineError> {
+    ) -> Result<Option<&[Vec<f64>]>, RefineError> {
         if let Some(known) = self.kernel.get() {
-            return Ok(known);
+            return Ok(Some(known));
         }
         let size = B * self.mass.len();
         let mut count = FIRST_IDLE.min(size);
@@ -195,7 +202,10 @@ impl<const B: usize> Whole<B> {
             }
             let pairs = lowest_symmetric(energies, count, &Unwatched).map_err(DesignError::Eigen)?;
             let idle = pairs.values.iter().take_while(|value| **value < IDLE).count();
-            if idle < count || count == MOST_IDLE.min(size) {
+            if idle == count && count == MOST_IDLE && count < size {
+                return Ok(None);
+            }
+            if idle < count || count == size {
                 let mixed = |k: usize| {
                     let mut sum = vec![0.0; size];
                     fields.iter().zip(pairs.vectors.column(k)).for_each(|(field, &share)| add(&mut sum, field, share));
@@ -205,7 +215,7 @@ impl<const B: usize> Whole<B> {
             }
             count = (2 * count).min(MOST_IDLE).min(size);
         };
-        Ok(self.kernel.get_or_init(|| found))
+        Ok(Some(self.kernel.get_or_init(|| found)))
     }
 }
 

@@ -151,7 +151,10 @@ impl<'a> Parted<'a> {
         let of_size = |pairs: usize| ((pairs as f64 / TUNING.slices.pairs as f64).round() as usize).max(1);
         let parts = parts.unwrap_or(of_size(pairs));
         if parts == 0 || parts > most {
-            let reason = format!("{pairs} pairs make at most {most} parts of {LEAST_PAIRS}, not {parts}");
+            let reason = match most {
+                0 => format!("{pairs} pairs are too few: a part takes {LEAST_PAIRS}"),
+                _ => format!("{pairs} pairs make at most {most} parts of {LEAST_PAIRS}, not {parts}"),
+            };
             return Err(PartError::Unsuited { reason });
         }
         let slices = of_size(pairs / parts);
