@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Frequencies of plates by four bending energies of triangle meshes, over the exact ones. Needs NumPy and SciPy; takes a few minutes.
 
-What `crates/spectral/src/operator/elastic/shell.rs` assembles ("face"), beside others (docs/decisions/0118):
+A second construction of what `crates/spectral/src/operator/elastic/bending.rs` assembles ("shared"), beside those that it was chosen from:
 
 - "face": the quadratic function through the corners of a face and the three apexes beyond its edges;
 - "half": the angles of mid-edge normals, half of each dihedral angle;

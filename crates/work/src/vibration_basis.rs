@@ -200,19 +200,24 @@ impl VibrationBasisParameters {
         if self.thickness.is_some() { mesh.vertices } else { mesh.solid_vertices }
     }
 
+    /// About the blocks of a row of the stiffness: a vertex of a shell depends on those three edges away.
+    fn blocks(&self) -> u64 {
+        if self.thickness.is_some() { 38 } else { 20 }
+    }
+
     /// About the entries of a factor of the problem on `n` vertices.
     fn fill(&self, n: u64) -> u64 {
         let unknowns = 3.0 * n as f64;
         let fill = if self.thickness.is_some() {
-            40.0 * unknowns * unknowns.log2().max(1.0)
+            60.0 * unknowns * unknowns.log2().max(1.0)
         } else {
             4.0 * unknowns.powf(4.0 / 3.0) + 60.0 * unknowns
         };
         fill as u64
     }
 
-    /// The memory of one factor of the problem on `n` vertices and of its structure, in bytes. Of a shell of 172,970 vertices it is some 200 million
-    /// entries, six tenths of what [`fill`](Self::fill) allows for.
+    /// The memory of one factor of the problem on `n` vertices and of its structure, in bytes. Of shells it is some six
+    /// tenths of the entries that [`fill`](Self::fill) allows for.
     fn factor_bytes(&self, n: u64) -> u64 {
         if self.thickness.is_some() { 6 * self.fill(n) } else { 16 * self.fill(n) }
     }
@@ -237,8 +242,8 @@ impl VibrationBasisParameters {
     pub fn judging_bytes(&self, mesh: MeshSize, count: usize) -> u64 {
         let n = self.vertices(mesh) as u64;
         let assembly = if self.thickness.is_some() { 12_000 } else { 400 } * mesh.faces as u64;
-        let solved = n * 20 * 9 * 12 + 16 * self.fill(n) + 24 * n * (3 * count as u64 + 64);
-        n * 20 * 9 * 8 + assembly.max(solved) + (16 << 20)
+        let solved = n * self.blocks() * 9 * 12 + 16 * self.fill(n) + 24 * n * (3 * count as u64 + 64);
+        n * self.blocks() * 9 * 8 + assembly.max(solved) + (16 << 20)
     }
 
     /// What is held.
@@ -294,14 +299,14 @@ impl Work for VibrationBasisParameters {
         let n = self.vertices(mesh) as u64;
         let m = self.count as u64;
         let input = 24 * n + 12 * mesh.faces as u64 + 16 * mesh.tetrahedra as u64;
-        // About twenty blocks of nine numbers a row, assembled once and kept as single numbers once.
-        let operator = n * 20 * 9 * (8 + 12);
-        // While a shell is assembled, each face has blocks for all pairs of six vertices, twice.
+        // Blocks of nine numbers, assembled once and kept as single numbers once.
+        let operator = n * self.blocks() * 9 * (8 + 12);
+        // While a shell is assembled, each face has what twelve vertices do to its curvature, and the rows of its vertices are there twice.
         let assembly = if self.thickness.is_some() { 12_000 } else { 400 } * mesh.faces as u64;
         // The problem once more, a factor, and the Krylov space with the blocks that are worked on. What comes after holds half as many columns twice.
         let unknowns = 3 * n;
         let space = |columns: u64| {
-            let problem = n * 20 * 9 * 12 + hsim::repair_bytes(unknowns);
+            let problem = n * self.blocks() * 9 * 12 + hsim::repair_bytes(unknowns);
             problem + self.factor_bytes(n) + 8 * unknowns * (columns + 64) + 32 * columns * columns
         };
         let krylov =
@@ -404,7 +409,7 @@ mod tests {
 
     /// The size of the thesis' figure 2.14.
     #[test]
-    fn five_hundred_modes_of_172_970_vertices_are_promised_eight_gigabytes() {
+    fn five_hundred_modes_of_172_970_vertices_are_promised_about_ten_gigabytes() {
         let size = MeshSize { vertices: 172_970, faces: 345_936, ..MeshSize::default() };
         for given in [
             json!({"method": "approximate", "count": 500, "dimension": 1000, "thickness": 0.01}),
@@ -413,7 +418,7 @@ mod tests {
             let parameters = VibrationBasisParameters::parse(&given).unwrap();
             let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
             let promised = pool.install(|| parameters.memory_bytes(size));
-            assert!(promised < 8_000_000_000, "{given}: {promised}");
+            assert!(promised < 10_100_000_000, "{given}: {promised}");
         }
     }
 

@@ -9,6 +9,7 @@
 //! | valid for | small displacements; the rest shape is free of stress |
 //! | source | thesis, §2.6, eq. 2.14 |
 
+mod bending;
 pub mod rigid;
 mod shell;
 mod solid;

@@ -322,4 +322,6 @@ fn bounds(elastic: &ElasticProblem, basis: &ModalBasis, monitor: &dyn Monitor) -
 }
 
 #[cfg(test)]
+mod plates_tests;
+#[cfg(test)]
 mod tests;
