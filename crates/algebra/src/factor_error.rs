@@ -36,18 +36,26 @@ impl Factor<'_> {
         if a.rows() != n || b.size() != n {
             return f64::INFINITY;
         }
+        enclosed(b, self.row_errors(a, b, shift).into_iter().fold(0.0, larger))
+    }
+
+    /// For each row `i` a bound `ρ_i` of the sum of the magnitudes of its rounding errors, over its lumped mass: with the errors `E`, which are symmetric,
+    /// `|xᵀE x| ≤ Σ_i ρ_i m_i x_i²` for every `x`. `a`, `b` and `shift` are what was factored.
+    ///
+    /// # Panics
+    /// Where the matrices have another number of rows than the factor.
+    pub fn row_errors(&self, a: &SparseMatrix, b: &MassMatrix, shift: f64) -> Vec<f64> {
         let ratio = row_error(a, b, shift);
-        let over = |sums: &[f64], terms: &[u32]| {
-            (0..n).into_par_iter().map(|row| ratio(row, sums[row], terms[row])).reduce(|| 0.0, larger)
+        let over = |sums: &[f64], terms: &[u32]| -> Vec<f64> {
+            (0..self.symbolic.size()).into_par_iter().map(|row| ratio(row, sums[row], terms[row])).collect()
         };
-        let most = match (&self.symbolic.plan, &self.pivoting) {
+        match (&self.symbolic.plan, &self.pivoting) {
             (Some(plan), None) => over(&magnitudes(self.symbolic, plan, &self.values), self.symbolic.terms()),
             _ => {
                 let (sums, terms) = self.magnitudes();
                 over(&sums, &terms)
             }
-        };
-        enclosed(b, most)
+        }
     }
 
     /// The row sums of `|L| |D| |Lᵀ|`, and how many entries each row of `L` has.

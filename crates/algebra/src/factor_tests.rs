@@ -388,4 +388,6 @@ fn pivots_that_are_chosen_leave_less_uncertain_than_small_ones() {
     assert_eq!(pivoted.eigenvalues_below(), below);
     let closer = pivoted.uncertainty(&a, &mass, 0.0);
     assert!(closer < 1e-3 * radius, "{closer:e}, {radius:e}");
+    // With masses of 1 the uncertainty is that of the worst row.
+    assert_eq!(pivoted.row_errors(&a, &mass, 0.0).into_iter().fold(0.0, f64::max), closer);
 }

@@ -129,8 +129,10 @@ fn attempt(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan) -> Result<Out
         iteration.monitor.stage("certify");
         iteration.monitor.checkpoint()?;
         let mut count = iteration.count(shift)?;
+        let reach = values.iter().map(|value| (value - count.shift).abs()).fold(f64::INFINITY, f64::min);
+        let negative = values.first().is_some_and(|&lowest| lowest < 0.0);
         if !count.is_clear_of(&values)
-            && let Some(closer) = iteration.count_closely(count.shift)?
+            && let Some(closer) = iteration.count_closely(count.shift, reach, negative)?
             && closer.radius < count.radius
         {
             count = closer;

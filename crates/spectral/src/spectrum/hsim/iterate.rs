@@ -26,6 +26,7 @@ use super::level::Level;
 use super::ritz::ritz;
 use super::segments::Cuts;
 use super::shifts::{Group, count_near, factor_near, groups};
+use super::stiff::Uncertain;
 use super::tuning::TUNING;
 
 /// How the columns of one level are iterated.
@@ -136,16 +137,27 @@ impl<'a> Iteration<'a> {
         count
     }
 
-    /// The same at exactly this shift, with pivots from the beginning, which leaves less uncertain and takes longer. Nothing where the shift lies on
-    /// an eigenvalue.
-    pub fn count_closely(&mut self, shift: f64) -> Result<Option<Count>, HsimError> {
+    /// The same at exactly this shift, with pivots from the beginning, which leaves less uncertain and takes longer. Where the next value lies within
+    /// `reach` and that is not enough, and no eigenvalue is `negative`, stiff rows are told from the others. Nothing where the shift lies on an
+    /// eigenvalue.
+    pub fn count_closely(&mut self, shift: f64, reach: f64, negative: bool) -> Result<Option<Count>, HsimError> {
         let storage = self.storage();
         let (stiffness, mass) = (&self.level.stiffness, &self.level.mass);
         let factor = match self.symbolic.pivoted_factor(stiffness, mass, shift, storage) {
             Err(FactorError::Singular { .. }) => return Ok(None),
             factor => factor?,
         };
-        Ok(Some(self.counted(shift, factor)))
+        let count = Count::of(self.level, shift, &factor);
+        if negative || !(2.0 * count.radius >= reach) {
+            return Ok(Some(self.counted(shift, factor)));
+        }
+        let errors = factor.row_errors(stiffness, mass, shift);
+        let beside = Uncertain { shift, errors: &errors, reach };
+        let (radius, storage) = beside.radius(self.level, self.symbolic, factor.into_storage(), self.monitor)?;
+        let count = Count { radius: radius.map_or(count.radius, |radius| radius.min(count.radius)), ..count };
+        self.inertia.push(count);
+        self.storage.push(storage);
+        Ok(Some(count))
     }
 
     /// The columns by ascending value.

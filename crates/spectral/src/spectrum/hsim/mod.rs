@@ -30,6 +30,7 @@ mod semidefinite;
 mod shifts;
 mod slices;
 mod solve;
+mod stiff;
 mod tuning;
 
 use serde::{Deserialize, Serialize};

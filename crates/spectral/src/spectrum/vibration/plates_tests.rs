@@ -129,6 +129,81 @@ fn held_plates_converge_to_their_frequencies_on_every_triangulation() {
 }
 
 #[test]
+fn plates_of_long_cells_converge_as_well() {
+    let pi = std::f64::consts::PI;
+    for (across, cells, bound) in [
+        (3, Cells::Alternating, 0.003),
+        (3, Cells::Crisscross, 0.003),
+        (3, Cells::Jittered, 0.003),
+        (10, Cells::Alternating, 0.003),
+        // Faces of nearly 170 degrees.
+        (10, Cells::Crisscross, 0.02),
+    ] {
+        let (mesh, thickness) = (rectangle([1.0; 2], [20, 20 * across], cells), 0.005);
+        let border = held(&mesh, false, |p| p[..2].iter().any(|x| *x < 1e-9 || *x > 1.0 - 1e-9));
+        let rigidity: f64 = thickness * thickness / (12.0 * (1.0 - POISSON * POISSON));
+        let found = omegas(&mesh, thickness, POISSON, 1, border)[0];
+        let ratio = found / rigidity.sqrt() / (2.0 * pi * pi);
+        println!("{cells:?}, {across} times as long as wide: {ratio:.4}");
+        assert!((ratio - 1.0).abs() < bound, "{cells:?}, {across}: {ratio}");
+    }
+}
+
+#[test]
+fn closed_spheres_sound_as_lamb_says() {
+    let mesh = generate(Shape::Sphere, 2500).unwrap();
+    let found = omegas(&mesh, 0.01, POISSON, 12, Clamps::default());
+    let radius = mesh.positions[0].iter().map(|x| x * x).sum::<f64>().sqrt();
+    // (1 − ν²) Ω⁴ − (l (l + 1) + 1 + 3 ν) Ω² + l (l + 1) − 2 = 0; 2 l + 1 modes each. The bending of a shell so thin adds next to nothing.
+    let lamb = |l: f64| {
+        let (a, b, c) = (1.0 - POISSON * POISSON, l * (l + 1.0) + 1.0 + 3.0 * POISSON, l * (l + 1.0) - 2.0);
+        ((b - (b * b - 4.0 * a * c).sqrt()) / (2.0 * a)).sqrt() / radius
+    };
+    println!("{found:.4?}, {:.4} {:.4}", lamb(2.0), lamb(3.0));
+    for (k, omega) in found.iter().enumerate() {
+        let ratio = omega / lamb(if k < 5 { 2.0 } else { 3.0 });
+        assert!((ratio - 1.0).abs() < 0.01, "{k}: {ratio}");
+    }
+}
+
+/// A plate with a fan of needles about its middle, and random ones beside it.
+fn plate_of_needles() -> TriangleMesh {
+    let mut mesh = rectangle([1.0; 2], [20; 2], Cells::Jittered);
+    let mut random = SplitMix64::new(3);
+    // Vertices beside an edge of a face, by down to a thousandth of it: each leaves a cap and two needles.
+    let faces = std::mem::take(&mut mesh.faces);
+    for (f, face) in faces.into_iter().enumerate() {
+        if f % 7 != 3 {
+            mesh.faces.push(face);
+            continue;
+        }
+        let (share, near) = (0.5 + 0.4 * random.signed_unit(), 10f64.powf(-2.0 + random.signed_unit()));
+        let [a, b, c] = face.map(|v| mesh.positions[v as usize]);
+        let new = mesh.positions.len() as u32;
+        mesh.positions.push(std::array::from_fn(|k| {
+            let on = a[k] + share * (b[k] - a[k]);
+            on + near * (c[k] - on)
+        }));
+        let [a, b, c] = face;
+        mesh.faces.extend([[a, b, new], [b, c, new], [c, a, new]]);
+    }
+    mesh
+}
+
+#[test]
+fn needles_here_and_there_leave_a_plate_its_frequencies_and_its_proof() {
+    let (mesh, thickness) = (plate_of_needles(), 0.005);
+    let pi = std::f64::consts::PI;
+    let rigidity: f64 = thickness * thickness / (12.0 * (1.0 - POISSON * POISSON));
+    let border = held(&mesh, false, |p| p[..2].iter().any(|x| *x < 1e-9 || *x > 1.0 - 1e-9));
+    let found = omegas(&mesh, thickness, POISSON, 4, border);
+    let ratios: Vec<f64> =
+        found.iter().zip([2.0, 5.0, 5.0, 8.0]).map(|(omega, sum)| omega / rigidity.sqrt() / (pi * pi * sum)).collect();
+    println!("{ratios:.4?}");
+    assert!(worst(&ratios) < 0.025, "{ratios:?}");
+}
+
+#[test]
 fn a_strip_clamped_at_its_end_sounds_like_a_beam_on_every_triangulation_down_to_a_single_row_of_cells() {
     let thickness = 0.001;
     for cells in ALL {
