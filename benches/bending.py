@@ -8,30 +8,36 @@ A second construction of what `crates/spectral/src/operator/elastic/bending.rs` 
 - "Morley": the angles of mid-edge normals with one unknown of its own for each edge;
 - "shared": these angles by a quadratic fit to five dihedral angles.
 
-Ratios of the first and of the fourth frequency of a square plate of 20 cells, simply supported and clamped, bending alone.
+`bending.py 20`: ratios of the first and of the fourth frequency of a square plate of 20 cells, simply supported and clamped, bending alone. `bending.py long`: of a simply
+supported plate of 20 cells across whose cells are 3 and 10 times as long as wide. `bending.py needles`: with needles.
 """
 import sys
 
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
+import scipy.spatial
 
-POISSON, RIDGE = 0.3, 1e-4
+POISSON, RIDGE, MOST = 0.3, 1e-6, 3.0
 PLATE = np.array([[1, POISSON, 0], [POISSON, 1, 0], [0, 0, 2 * (1 - POISSON)]])
 
 
-def plate(m, cells, seed=7):
-    """Vertices and counterclockwise triangles of the unit square."""
+def plate(m, cells, n=None, seed=7):
+    """Vertices and counterclockwise triangles of the unit square, in m × n cells."""
     random = np.random.default_rng(seed)
-    x, y = np.meshgrid(np.arange(m + 1.0), np.arange(m + 1.0), indexing="ij")
+    n = n or m
+    size = np.array([m, n])
+    x, y = np.meshgrid(np.arange(m + 1.0), np.arange(n + 1.0), indexing="ij")
     points = np.stack([x, y], -1).reshape(-1, 2)
-    inside = ((points > 0) & (points < m)).all(1)
-    if cells == "jittered":
+    inside = ((points > 0) & (points < size)).all(1)
+    if cells in ("jittered", "delaunay"):
         points[inside] += random.uniform(-0.33, 0.33, (inside.sum(), 2))
+    if cells == "delaunay":
+        return triangulated(points / size)
     faces, middles = [], []
     for i in range(m):
-        for j in range(m):
-            p, q, r, s = i * (m + 1) + j, (i + 1) * (m + 1) + j, (i + 1) * (m + 1) + j + 1, i * (m + 1) + j + 1
+        for j in range(n):
+            p, q, r, s = i * (n + 1) + j, (i + 1) * (n + 1) + j, (i + 1) * (n + 1) + j + 1, i * (n + 1) + j + 1
             if cells == "crisscross":
                 c = len(points) + len(middles)
                 middles.append([i + 0.5, j + 0.5])
@@ -44,7 +50,51 @@ def plate(m, cells, seed=7):
             faces += [[p, q, r], [p, r, s]] if across else [[p, q, s], [q, r, s]]
     if middles:
         points = np.concatenate([points, middles])
-    return points / m, np.array(faces)
+    return points / size, np.array(faces)
+
+
+def with_needles(p, faces):
+    """A further vertex in every seventh face, next to one of its edges: it leaves a cap and two needles."""
+    random = np.random.default_rng(3)
+    p, all_faces = [list(x) for x in p], []
+    for f, (a, b, c) in enumerate(faces):
+        if f % 7 != 3:
+            all_faces.append([a, b, c])
+            continue
+        share, near = 0.5 + 0.4 * random.uniform(-1, 1), 10 ** random.uniform(-3, -1)
+        on = (1 - share) * np.array(p[a]) + share * np.array(p[b])
+        p.append(list(on + near * (np.array(p[c]) - on)))
+        n = len(p) - 1
+        all_faces += [[a, b, n], [b, c, n], [c, a, n]]
+    return np.array(p), np.array(all_faces)
+
+
+def with_a_fan(m):
+    """What is within .2 of the middle is a fan of needles."""
+    p, faces = plate(m, "one way")
+    kept = [tuple(f) for f in faces if np.linalg.norm(p[f] - 0.5, axis=1).min() > 0.2]
+    edges = {(f[k], f[k - 2]) for f in kept for k in range(3)}
+    inner = {v for v in range(len(p)) if (np.abs(p[v] - 0.5) < 0.499).all()}
+    fan = [(b, a, len(p)) for a, b in edges if (b, a) not in edges and (a in inner or b in inner)]
+    faces = np.array(kept + fan)
+    p = np.concatenate([p, [[0.5, 0.5]]])
+    used, faces = np.unique(faces, return_inverse=True)
+    return p[used], faces.reshape(-1, 3)
+
+
+def at_random(n, seed):
+    random = np.random.default_rng(seed)
+    side = np.linspace(0, 1, int(np.sqrt(n)) + 1)
+    border = [(0, t) for t in side] + [(1, t) for t in side] + [(t, 0) for t in side[1:-1]] + [(t, 1) for t in side[1:-1]]
+    return triangulated(np.array(border + list(random.uniform(0.01, 0.99, (n, 2)))))
+
+
+def triangulated(points):
+    faces = scipy.spatial.Delaunay(points).simplices
+    u, v = points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]]
+    doubled = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    faces[doubled < 0] = faces[doubled < 0][:, ::-1]
+    return points, faces[np.abs(doubled) > 1e-12]
 
 
 def rise(p, edge, apex):
@@ -118,6 +168,10 @@ def stiffness(p, faces, energy, clamped):
                 square = fit.T @ fit
                 target = 0.5 * (at_middle(p, own[f, k], edge) - at_middle(p, own[other], edge))
                 weights = fit @ np.linalg.solve(square + RIDGE * (square[0, 0] + square[1, 1] + 0.5 * square[2, 2]) * PLATE, target)
+                # What displacements do to the five angles, and to the own one: shares that amplify are cut.
+                amplified = [sum(x * x for x in row.values()) for row in data]
+                most = np.sqrt(amplified[0] / max(weights**2 @ amplified, 1e-300))
+                weights = weights * min(1.0, MOST * most)
                 angles.append(plus((0.5, known), *[(w, bare(row)) for w, row in zip(weights, data)]))
             else:
                 angles.append(plus((0.5, known)))
@@ -187,6 +241,24 @@ def ratios(p, faces, energy, rotations):
 
 
 if __name__ == "__main__":
+    if sys.argv[1:] == ["long"]:
+        for across in (3, 10):
+            for cells in ("one way", "alternating", "crisscross", "delaunay"):
+                p, faces = plate(20, cells, 20 * across)
+                found = {energy: ratios(p, faces, energy, False) for energy in ("half", "shared")}
+                print(across, cells, {e: f"{r[0]:.4f} {r[3]:.4f}" for e, r in found.items()}, flush=True)
+        sys.exit()
+    if sys.argv[1:] == ["needles"]:
+        for name, (p, faces) in {
+            "caps, 20 cells": with_needles(*plate(20, "jittered")),
+            "caps, 40 cells": with_needles(*plate(40, "jittered")),
+            "fan, 40 cells": with_a_fan(40),
+            "1,200 points": at_random(1200, 2),
+            "4,800 points": at_random(4800, 4),
+        }.items():
+            found = {energy: ratios(p, faces, energy, False) for energy in ("face", "half", "shared")}
+            print(name, {e: f"{r[0]:.4f} {r[3]:.4f}" for e, r in found.items()}, flush=True)
+        sys.exit()
     m = int(sys.argv[1]) if len(sys.argv) > 1 else 20
     for rotations in (False, True):
         for cells in ("one way", "alternating", "crisscross", "jittered"):

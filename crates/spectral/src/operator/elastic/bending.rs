@@ -77,14 +77,14 @@ impl Curvatures {
 }
 
 /// The ridge of a fit, as a share of the sum of squares. Where angles are too few to tell a quadratic function, as in a strip of faces, that of least
-/// energy is taken among those that fit, and on needles no angle is made much of; where they do, this changes the energy by the square of its share alone, since the angles sought are those of
-/// least energy.
-const RIDGE: f64 = 1e-4;
+/// energy is taken among those that fit; where they do, this changes the energy by the square of its share alone, since the angles sought are those of
+/// least energy. Beside needles, twists that are to be told are seen by as little as the square of width over length.
+const RIDGE: f64 = 1e-6;
 
-/// How much more than the angle at the edge itself the angles that are shared out may amplify displacements, by sums of squares of gradients: shares are cut
-/// to that. Of a twist of needles the long edges know next to nothing, and the short ones, that do, have to be multiplied by length over width. On
-/// triangles of the usual quality it is .4 at most, on a tenth as wide ones for the most part, too.
-const MOST_AMPLIFIED: f64 = 1.0;
+/// How much more than the angle at the edge itself the angles that are shared out may amplify displacements, by the squares of their gradients: shares are
+/// cut to that. Of a twist the long edges of needles know next to nothing, and the short ones, that do, have to be multiplied by length over width. On
+/// triangles of the usual quality it is .2.
+const MOST_AMPLIFIED: f64 = 9.0;
 
 impl Surroundings<'_> {
     /// The curvature of a face, for a `rigidity` over `1 − ν²` times the area.
@@ -209,7 +209,7 @@ fn shared(data: &[Option<&Hinge>; 5], target: Vector, poisson: f64) -> [f64; 5] 
         hinge.map_or(0.0, |hinge: &Hinge| share * share * hinge.amplification())
     };
     let all: f64 = data.iter().zip(shares).map(amplified).sum();
-    let most = MOST_AMPLIFIED * (amplified((&data[0], 1.0)) / all).sqrt();
+    let most = (MOST_AMPLIFIED * amplified((&data[0], 1.0)) / all).sqrt();
     if most < 1.0 {
         shares.iter_mut().for_each(|share| *share *= most);
     }
