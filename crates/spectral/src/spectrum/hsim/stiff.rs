@@ -93,7 +93,7 @@ mod tests {
     use super::super::level::NO_KERNEL;
     use super::*;
 
-    /// Springs of stiffness 1 between masses of 1 in a row, some of `stiff` instead, every fourth of which has a mass of 1e-3 at its end.
+    /// Springs of stiffness 1 between masses of 1 in a row; `stiff` ones begin at masses of 1e-6.
     fn springs(n: usize, stiff: &[usize], stiffness: f64) -> Level {
         let spring = |k: usize| if stiff.contains(&k) { stiffness } else { 1.0 };
         let mut rows: Vec<(Vec<u32>, Vec<f64>)> = Vec::new();
@@ -110,7 +110,7 @@ mod tests {
             v.extend(row.1);
             (i, v)
         });
-        let masses = (0..n).map(|row| if stiff.contains(&row) && row % 4 == 0 { 1e-3 } else { 1.0 }).collect();
+        let masses = (0..n).map(|row| if stiff.contains(&row) { 1e-6 } else { 1.0 }).collect();
         Level {
             stiffness: SparseMatrix::from_sorted_parts(n, n, offsets, indices, values),
             mass: MassMatrix::Diagonal(masses),
@@ -134,7 +134,7 @@ mod tests {
         let n = 120;
         let stiff = [40, 41, 80];
         // As good as rigid: the springs with their ends are one mass each.
-        let (level, softer) = (springs(n, &stiff, 1e13), springs(n, &stiff, 1e6));
+        let (level, softer) = (springs(n, &stiff, 1e9), springs(n, &stiff, 1e4));
         let (stiffness, mass) = dense(&softer);
         let values = CpuSolver.lowest(stiffness, mass, 30, &Unwatched).unwrap().values;
         let (below, above) = (values[19], values[20]);
@@ -143,11 +143,11 @@ mod tests {
         assert_eq!(count.below, 20);
         assert!(count.radius > reach, "{count:?}, {reach}");
         let radius = radius.unwrap();
-        assert!(radius < 1e-3 * reach && radius > 0.0, "{radius:e}, {reach:e}");
+        assert!(radius < 1e-2 * reach && radius > 0.0, "{radius:e}, {reach:e}");
         // Without stiff springs, or with too many of them, there is nothing to tell apart.
         assert_eq!(judged(&softer, shift, reach).1, None);
         let all: Vec<usize> = (0..700).collect();
-        assert_eq!(judged(&springs(700, &all, 1e13), 0.1, 1e-6).1, None);
+        assert_eq!(judged(&springs(700, &all, 1e9), 0.1, 1e-6).1, None);
     }
 
     #[test]
