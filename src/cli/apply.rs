@@ -152,9 +152,9 @@ pub fn distances(arguments: DistancesArguments) -> Result<ExitCode, CliError> {
     let found =
         request.distances(&basis, Some(&mesh), &Unwatched).map_err(|error| CliError::Refused(error.to_string()))?;
     if let Some(error) = found.slope_error {
+        let percent = 100.0 * error;
         eprintln!(
-            "distances by heat: off by {:.1} % at most, as their slopes tell; the method \"exact\" has no such error",
-            100.0 * error
+            "distances by heat: slopes are {percent:.1} % off on average, distances by less; the method \"exact\" has no such error"
         );
     }
     let table = request.translated(&to, found.table);

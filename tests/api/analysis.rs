@@ -148,7 +148,7 @@ async fn geodesic_distances_need_no_basis_and_reach_what_a_path_leads_to() {
         let error =
             raw.headers().get("chladni-slope-error").map(|error| error.to_str().unwrap().parse::<f64>().unwrap());
         assert!(
-            if method == "heat" { error.is_some_and(|e| e > 0.0 && e < 1.0) } else { error.is_none() },
+            if method == "heat" { error.is_some_and(|e| (0.0..1.0).contains(&e)) } else { error.is_none() },
             "{error:?}"
         );
         assert!(doubles(&raw.bytes().await.unwrap())[3..].iter().all(|d| *d == f64::INFINITY));
