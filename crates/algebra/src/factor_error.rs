@@ -39,8 +39,8 @@ impl Factor<'_> {
         enclosed(b, self.row_errors(a, b, shift).into_iter().fold(0.0, larger))
     }
 
-    /// For each row `i` a bound `ρ_i` of the sum of the magnitudes of its rounding errors, over its lumped mass: with the errors `E`, which are symmetric,
-    /// `|xᵀE x| ≤ Σ_i ρ_i m_i x_i²` for every `x`. `a`, `b` and `shift` are what was factored.
+    /// For each row `i` a bound `ρ_i` of the sum of the magnitudes of its rounding errors, over its lumped mass: with the errors `E`, which are
+    /// symmetric, `|xᵀE x| ≤ Σ_i ρ_i m_i x_i²` for every `x`. `a`, `b` and `shift` are what was factored.
     ///
     /// # Panics
     /// Where the matrices have another number of rows than the factor.
