@@ -96,14 +96,18 @@ pub fn projective_plane(k: usize) -> TriangleMesh {
     let sphere = sphere(k);
     let mut index = std::collections::HashMap::new();
     let mut mesh = TriangleMesh::default();
-    let numbers: Vec<u32> = sphere.positions.iter().map(|p| {
-        let fixed = p.map(|x| (x * 1e9).round() as i64);
-        let own = fixed.max(fixed.map(|x| -x));
-        *index.entry(own).or_insert_with(|| {
-            mesh.positions.push([p[1] * p[2], p[2] * p[0], p[0] * p[1]]);
-            mesh.positions.len() as u32 - 1
+    let numbers: Vec<u32> = sphere
+        .positions
+        .iter()
+        .map(|p| {
+            let fixed = p.map(|x| (x * 1e9).round() as i64);
+            let own = fixed.max(fixed.map(|x| -x));
+            *index.entry(own).or_insert_with(|| {
+                mesh.positions.push([p[1] * p[2], p[2] * p[0], p[0] * p[1]]);
+                mesh.positions.len() as u32 - 1
+            })
         })
-    }).collect();
+        .collect();
     // Of each pair of opposite faces the first.
     let mut seen = std::collections::HashSet::new();
     for face in &sphere.faces {

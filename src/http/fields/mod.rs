@@ -50,7 +50,9 @@ impl From<FieldError> for Problem {
     fn from(error: FieldError) -> Self {
         let text = super::convert::sentence(&error);
         match error {
-            FieldError::Surface(_) | FieldError::OneSided { .. } | FieldError::Operator(_) => Self::new(&problem::NO_FIELD_SURFACE, text),
+            FieldError::Surface(_) | FieldError::OneSided { .. } | FieldError::Operator(_) => {
+                Self::new(&problem::NO_FIELD_SURFACE, text)
+            }
             other => Self::internal(other),
         }
     }

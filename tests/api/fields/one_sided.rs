@@ -13,7 +13,8 @@ async fn lines_live_on_a_moebius_strip_and_what_takes_two_sides_is_refused() {
     assert_eq!(mesh["report"]["orientable"], false);
     let basis = made(&app, &mesh, json!({"field": "n_vector", "n": 2, "dimension": 150})).await;
     let pin = |face: u32| json!({"face": face, "frame_direction": [1.0, 0.5]});
-    let designed = designed(&app, &basis, "form=frames&singularities=true", json!({"constraints": [pin(30), pin(500)]})).await;
+    let designed =
+        designed(&app, &basis, "form=frames&singularities=true", json!({"constraints": [pin(30), pin(500)]})).await;
     assert!(numbers(&designed["residuals"]).iter().all(|missed| *missed < 1e-4), "{designed}");
     assert_eq!((&designed["space"], &designed["euler_characteristic"]), (&json!("surface"), &json!(0)));
     let field = json!({"coefficients": designed["coefficients"]});
@@ -41,7 +42,9 @@ async fn lines_live_on_a_moebius_strip_and_what_takes_two_sides_is_refused() {
         assert!(text(&refused["detail"]).contains("in the same direction"), "{route}: {refused}");
     }
     // Vectors are carried along all the same.
-    let carried = app.post(&format!("/v1/meshes/{id}/vector-transport")).json(&json!({"sources": [{"face": 3, "direction": [0, 0, 1]}]}));
+    let carried = app
+        .post(&format!("/v1/meshes/{id}/vector-transport"))
+        .json(&json!({"sources": [{"face": 3, "direction": [0, 0, 1]}]}));
     assert_eq!(carried.send().await.unwrap().status(), 200);
     let job = submitted(&app, &mesh, json!({"field": "vector", "dimension": 50})).await;
     let job = app.finished(&text(&job["id"])).await;

@@ -30,7 +30,10 @@ async fn a_design_is_one_of_the_space_where_there_is_no_room_for_factors_and_say
     let url = format!("{}/design?form=frames", text(&basis["links"]["self"]));
     for (body, told) in [(request(json!({})), false), (request(json!({"error": true})), true)] {
         let answer = wide.post(&url).header("accept", "application/octet-stream").json(&body).send().await.unwrap();
-        assert_eq!((answer.headers()["chladni-space"].to_str().unwrap(), answer.headers().contains_key("chladni-error")), ("surface", told));
+        assert_eq!(
+            (answer.headers()["chladni-space"].to_str().unwrap(), answer.headers().contains_key("chladni-error")),
+            ("surface", told)
+        );
         let bytes = answer.bytes().await.unwrap();
         let raw = bytes.chunks_exact(4).map(|x| f64::from(f32::from_le_bytes(x.try_into().unwrap())));
         assert!(raw.zip(&b).all(|(a, b)| (a - b).abs() < 1e-6));

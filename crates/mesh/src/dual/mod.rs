@@ -194,12 +194,7 @@ impl DualGraph {
 
     /// The next corner at the same vertex, counter-clockwise or clockwise, as the first face of the fan sees it; corners are numbered `3 · face + k`, and
     /// with each goes whether its face has the opposite orientation.
-    fn step(
-        &self,
-        mesh: &TriangleMesh,
-        (corner, turned): (u32, bool),
-        counter_clockwise: bool,
-    ) -> Option<(u32, bool)> {
+    fn step(&self, mesh: &TriangleMesh, (corner, turned): (u32, bool), counter_clockwise: bool) -> Option<(u32, bool)> {
         let (face, k) = (corner as usize / 3, corner as usize % 3);
         let vertex = mesh.faces[face][k];
         let across = (k + if counter_clockwise != turned { 1 } else { 2 }) % 3;

@@ -19,8 +19,11 @@ pub const USUAL_ROOM: u64 = 1 << 30;
 
 /// Bytes of two factors and of what is kept beside them, for each face, number of a block squared and halving of the surface: what scanned surfaces
 /// take. Operators that couple the faces around vertices fill in more than those that couple neighbours.
-const EXPECTED: f64 = 15.0;
-const EXPECTED_AROUND_VERTICES: f64 = 30.0;
+const EXPECTED: f64 = 40.0;
+const EXPECTED_AROUND_VERTICES: f64 = 100.0;
+
+/// Bytes for each face and number of a block squared that the operator takes beside them, with some fields without energy.
+const BESIDE: f64 = 75.0;
 
 /// From so many faces on, an order by nested dissection saves more than it costs.
 const LARGE: usize = 6000;
@@ -35,14 +38,16 @@ const LEAST_KEPT: usize = 2;
 /// Halves of solves are kept, for each shift, up to this share of the bytes of its factor.
 const HALVES: u64 = 4;
 
-/// About the bytes that factors take of a surface that fills in as scans do, before anything is known of it: two factors, and what is kept beside them.
+/// About the bytes that all fields of a surface take that fills in as scans do, before anything is known of it: an operator, two factors, and what is kept
+/// beside them.
 pub(super) fn expected_bytes(kind: FieldKind, faces: usize) -> f64 {
     let (faces, block) = (faces.max(2) as f64, kind.block() as f64);
     let each = if kind == (FieldKind::Vector {}) { EXPECTED_AROUND_VERTICES } else { EXPECTED };
-    each * block * block * faces * faces.log2()
+    block * block * faces * (each * faces.log2() + BESIDE)
 }
 
-/// The most faces of a surface whose factors fit into so many bytes, by what is expected of surfaces. Whether they do is known when they are analysed.
+/// The most faces of a surface of which all fields fit into so many bytes with two factors, by what is expected of surfaces. Whether they do is known
+/// when they are analysed.
 pub fn most_factored_faces(kind: FieldKind, room: u64) -> usize {
     let (mut fits, mut beyond) = (0usize, 1usize << 32);
     while beyond - fits > 1 {
@@ -83,8 +88,9 @@ struct Halves {
 }
 
 impl<const B: usize> Direct<B> {
-    /// Analyses an operator; `None` where two factors would take more than `room` bytes, or the surface fills in more than surfaces do.
-    pub fn new(kind: FieldKind, stiffness: &BlockMatrix<B>, room: u64) -> Option<Self> {
+    /// Analyses an operator, beside which so many bytes are taken; `None` where two factors would take more than is left of `room` bytes, or the surface
+    /// fills in more than surfaces do.
+    pub fn new(kind: FieldKind, stiffness: &BlockMatrix<B>, beside: u64, room: u64) -> Option<Self> {
         let faces = stiffness.rows();
         if faces > most_factored_faces(kind, room) {
             return None;
@@ -104,7 +110,7 @@ impl<const B: usize> Direct<B> {
         let pattern = ordered(stiffness, &order, &places);
         let symbolic = SymbolicFactor::new(&pattern, &zeros).ok()?;
         within_surfaces(symbolic.entries(), pattern.entries(), faces).ok()?;
-        let kept = (LEAST_KEPT..=MOST_KEPT).rev().find(|&kept| bytes_of(&symbolic, kept) <= room)?;
+        let kept = (LEAST_KEPT..=MOST_KEPT).rev().find(|&kept| beside + bytes_of(&symbolic, kept) <= room)?;
         let (tree, reach) = (ColumnTree::new(&symbolic), ReachTree::new(&symbolic));
         Some(Self { order, places, symbolic, tree, reach, factors: Mutex::default(), kept })
     }

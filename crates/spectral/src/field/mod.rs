@@ -23,10 +23,10 @@ mod loops;
 mod many;
 mod nearby;
 #[cfg(test)]
+mod one_sided_tests;
+#[cfg(test)]
 mod patch_tests;
 mod pencil;
-#[cfg(test)]
-mod one_sided_tests;
 mod poisson;
 mod prescribed;
 mod principal;

@@ -260,7 +260,10 @@ fn strokes_are_met_and_lines_are_laid_on_a_moebius_strip() {
     let lines = streamlines(&surface, 2, &field, &HatchingParameters::default(), &Unwatched).unwrap();
     // Lines go on across the place where faces turn over: each of its edges is crossed or run along within a spacing.
     let seam: Vec<usize> = (surface.dual().edge_faces().iter().enumerate())
-        .filter(|(edge, faces)| faces[1] != NO_FACE && surface.dual().is_mirrored(faces[0] as usize, surface.dual().slot(faces[0], *edge as u32)))
+        .filter(|(edge, faces)| {
+            faces[1] != NO_FACE
+                && surface.dual().is_mirrored(faces[0] as usize, surface.dual().slot(faces[0], *edge as u32))
+        })
         .map(|(edge, _)| edge)
         .collect();
     assert_eq!(seam.len(), 6);

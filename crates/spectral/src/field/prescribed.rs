@@ -320,7 +320,8 @@ impl<'a> Connection<'a> {
     fn new(surface: &'a FieldSurface, kind: FieldKind) -> Self {
         let (dual, frames) = (surface.dual(), surface.frames());
         let slots = dual.edge_faces().iter().enumerate().map(|(edge, f)| (f[0] as usize, dual.slot(f[0], edge as u32)));
-        let carried: Vec<Option<Planar>> = slots.clone().map(|(f, k)| turn(kind, dual, frames, f, k).map(|turn| turn.by)).collect();
+        let carried: Vec<Option<Planar>> =
+            slots.clone().map(|(f, k)| turn(kind, dual, frames, f, k).map(|turn| turn.by)).collect();
         let weights: Vec<f64> = slots.map(|(f, k)| edge_weight(dual, frames, f, k)).collect();
         let mean = weights.iter().sum::<f64>() / weights.len().max(1) as f64;
         // Across an edge of no length a field may turn as it likes, within reason.

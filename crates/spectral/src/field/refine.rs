@@ -7,7 +7,7 @@
 
 use std::sync::OnceLock;
 
-use chladni_algebra::{DefiniteError, DefiniteFactor, DenseMatrix, lowest_symmetric};
+use chladni_algebra::{BlockMatrix, DefiniteError, DefiniteFactor, DenseMatrix, lowest_symmetric};
 use chladni_base::{Cancelled, Monitor, Unwatched};
 
 use super::basis::FieldSurface;
@@ -250,6 +250,15 @@ impl FullSpace {
         }
     }
 
+    /// About the bytes that are taken beside factors and levels.
+    #[cfg(test)]
+    pub(super) fn bytes_beside_factors(&self) -> u64 {
+        match &self.inner {
+            Inner::Two(whole) => bytes_beside(&whole.stiffness, EXPECTED_IDLE),
+            Inner::Three(whole) => bytes_beside(&whole.stiffness, EXPECTED_IDLE),
+        }
+    }
+
     /// About the bytes that are held only while factors are made; 0 where there are none.
     pub fn bytes_of_making(&self) -> u64 {
         match &self.inner {
@@ -281,6 +290,12 @@ impl FullSpace {
     }
 }
 
+/// The bytes of an operator with its masses, and of some fields without energy.
+fn bytes_beside<const B: usize>(stiffness: &BlockMatrix<B>, idle: usize) -> u64 {
+    let entry = size_of::<[[f64; B]; B]>() + 4;
+    (entry * stiffness.entries() + (16 + 8 * B * idle) * stiffness.rows()) as u64
+}
+
 impl<const B: usize> Whole<B> {
     fn new(
         surface: &FieldSurface,
@@ -290,7 +305,7 @@ impl<const B: usize> Whole<B> {
         monitor: &dyn Monitor,
     ) -> Result<Self, RefineError> {
         let operator = FieldOperator::<B>::assemble(kind, surface.mesh(), surface.dual(), surface.frames(), boundary)?;
-        let direct = Direct::new(kind, &operator.stiffness, room);
+        let direct = Direct::new(kind, &operator.stiffness, bytes_beside(&operator.stiffness, EXPECTED_IDLE), room);
         let cycles = match direct {
             Some(_) => None,
             None => {
@@ -303,11 +318,9 @@ impl<const B: usize> Whole<B> {
 
     fn bytes(&self) -> u64 {
         let known = self.kernel.get().map_or(EXPECTED_IDLE, Vec::len).max(EXPECTED_IDLE);
-        (size_of::<[[f64; B]; B]>() + 4) as u64 * self.stiffness.entries() as u64
-            + 16 * self.mass.len() as u64
+        bytes_beside(&self.stiffness, known)
             + self.cycles.as_ref().map_or(0, Cycles::bytes)
             + self.direct.as_ref().map_or(0, Direct::bytes)
-            + (8 * B * self.mass.len() * known) as u64
     }
 
     fn refine(

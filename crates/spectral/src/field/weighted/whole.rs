@@ -27,12 +27,8 @@ impl WeightedModel {
 
     /// What the energies add up to on the faces, and what alignments pull with there.
     pub(in super::super) fn whole_sum(&self, numbers: usize) -> (Sum, Option<Vec<f64>>) {
-        let mut sum = Sum {
-            harmonic: self.weights.harmonic,
-            biharmonic: self.weights.biharmonic,
-            uniform: 0.0,
-            masses: None,
-        };
+        let mut sum =
+            Sum { harmonic: self.weights.harmonic, biharmonic: self.weights.biharmonic, uniform: 0.0, masses: None };
         let mut force = None;
         for (field, weight) in &self.alignments {
             let force = force.get_or_insert_with(|| vec![0.0; numbers]);
@@ -78,7 +74,11 @@ impl WeightedModel {
     }
 
     /// The constraints with what the space has them move by.
-    pub(in super::super) fn compliance(&self, basis: &FieldBasis, constraints: &[Constraint]) -> Result<Compliance, DesignError> {
+    pub(in super::super) fn compliance(
+        &self,
+        basis: &FieldBasis,
+        constraints: &[Constraint],
+    ) -> Result<Compliance, DesignError> {
         let b = basis.space.block();
         check(basis, self.model.kind, constraints)?;
         let kept = without_repetitions(constraints);
