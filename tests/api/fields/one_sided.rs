@@ -22,9 +22,13 @@ async fn lines_live_on_a_moebius_strip_and_what_takes_two_sides_is_refused() {
     assert!(status == 200 && !lines["lines"].as_array().unwrap().is_empty(), "{lines}");
     let curvature = json!({"alignment": {"to": "curvature", "weight": 1.0}});
     let drawing = json!({"field": field, "camera": {"from": [0, 0, 1]}});
+    let vectors = made(&app, &mesh, json!({"field": "n_vector", "n": 1, "dimension": 100})).await;
+    for strands in [Value::Null, json!(100)] {
+        let (status, refused) =
+            post(&app, &vectors, "fur", &json!({"field": {"eigenfield": 0}, "length": 0.1, "strands": strands})).await;
+        assert_eq!((status.as_u16(), &refused["type"]), (422, &json!("/problems/no-field-surface")), "{refused}");
+    }
     for (route, accept, body) in [
-        ("fur", "application/json", json!({"field": field, "length": 0.1})),
-        ("fur", "application/json", json!({"field": field, "length": 0.1, "strands": 100})),
         ("hatching", "image/svg+xml", drawing),
         ("design", "application/json", curvature),
         ("design", "application/json", json!({"strokes": [pin(3)], "singularities": {"at": [], "exact": true}})),

@@ -18,9 +18,10 @@ use crate::operator::transport::FieldKind;
 pub const USUAL_ROOM: u64 = 1 << 30;
 
 /// Bytes of two factors and of what is kept beside them, for each face, number of a block squared and halving of the surface: what scanned surfaces
-/// take. Operators that couple the faces around vertices fill in more than those that couple neighbours.
-const EXPECTED: f64 = 40.0;
-const EXPECTED_AROUND_VERTICES: f64 = 100.0;
+/// take, which fill in less than others. Operators that couple the faces around vertices fill in more than four times as much as those that couple
+/// neighbours.
+const EXPECTED: f64 = 18.0;
+const EXPECTED_AROUND_VERTICES: f64 = 80.0;
 
 /// Bytes for each face and number of a block squared that the operator takes beside them, with some fields without energy.
 const BESIDE: f64 = 75.0;
@@ -36,9 +37,9 @@ const MOST_KEPT: usize = 4;
 const LEAST_KEPT: usize = 2;
 
 /// Halves of solves are kept, for each shift, up to this share of the bytes of its factor.
-const HALVES: u64 = 4;
+const HALVES: u64 = 16;
 
-/// About the bytes that all fields of a surface take that fills in as scans do, before anything is known of it: an operator, two factors, and what is kept
+/// About the bytes that all fields of a surface take at least that fills in as scans do, before anything is known of it: an operator, two factors, and what is kept
 /// beside them.
 pub(super) fn expected_bytes(kind: FieldKind, faces: usize) -> f64 {
     let (faces, block) = (faces.max(2) as f64, kind.block() as f64);
@@ -125,8 +126,11 @@ impl<const B: usize> Direct<B> {
         bytes_of(&self.symbolic, LEAST_KEPT)
     }
 
-    /// About the bytes that are held only while a factor is made: its matrix, and what fronts hand on.
+    /// About the bytes that are held only while the first factors are made, until they are there: a matrix, and what fronts hand on.
     pub fn bytes_of_making(&self) -> u64 {
+        if self.factors.lock().unwrap_or_else(PoisonError::into_inner).len() >= LEAST_KEPT {
+            return 0;
+        }
         4 * self.symbolic.entries() as u64 + 300 * self.symbolic.size() as u64
     }
 
@@ -240,7 +244,7 @@ impl<const B: usize> Direct<B> {
 /// Numbers of factors, their halves and their structure: patterns, and vectors of a few numbers a row.
 fn bytes_of(symbolic: &SymbolicFactor, kept: usize) -> u64 {
     let (entries, size) = (symbolic.entries() as u64, symbolic.size() as u64);
-    kept as u64 * (8 + 8 / HALVES) * entries + 2 * entries + 64 * size
+    kept as u64 * (8 * entries + 8 * entries / HALVES) + 2 * entries + 64 * size
 }
 
 /// A matrix of blocks in an order of its rows.

@@ -259,7 +259,7 @@ impl FullSpace {
         }
     }
 
-    /// About the bytes that are held only while factors are made; 0 where there are none.
+    /// About the bytes that are held only while the first factors are made; 0 where there are none to make.
     pub fn bytes_of_making(&self) -> u64 {
         match &self.inner {
             Inner::Two(whole) => whole.direct.as_ref().map_or(0, Direct::bytes_of_making),
