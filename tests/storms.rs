@@ -1,6 +1,6 @@
 //! Storms over servers, workers, the database and the object store that they share: kills, stops, crashes and refusals, while clients submit without
 //! pause. Whatever happens: no job that was acknowledged is lost, none is done twice visibly, nothing is half visible, and what was done is not done
-//! again.
+//! again. One job in twelve is divided: its parts are solved by several workers, which die in the middle of them as well.
 //!
 //! Each storm has a few rounds, a minute together; `CHLADNI_STORMS=1000` has as many as that, and `CHLADNI_SEED=12` has others.
 #![cfg(all(unix, feature = "cluster"))]
@@ -16,7 +16,7 @@ mod s3;
 mod weed;
 
 use std::{
-    collections::HashMap,
+    collections::{HashMap, HashSet},
     sync::{
         Arc, Mutex,
         atomic::{AtomicBool, AtomicU64, Ordering},
@@ -32,6 +32,10 @@ use serde_json::{Value, json};
 use weed::Weed;
 
 const WORKERS: usize = 3;
+
+/// One job in so many is an eigenbasis in parts, of this many pairs.
+const DIVIDED: u32 = 12;
+const PAIRS: usize = 136;
 const SERVERS: usize = 2;
 
 fn rounds(few: usize) -> usize {
@@ -62,6 +66,8 @@ struct Clients {
     /// The addresses of the servers that should be there.
     servers: Mutex<Vec<String>>,
     mesh: String,
+    /// A mesh that is large enough for bases in parts.
+    surface: String,
     /// Jobs that were acknowledged, by their numbers.
     acknowledged: Mutex<HashMap<u32, String>>,
     /// Bases of jobs that were seen to be done.
@@ -83,8 +89,17 @@ impl Clients {
         while !self.stop.load(Ordering::Relaxed) {
             let number = self.next.fetch_add(1, Ordering::Relaxed) as u32;
             let seconds = dice.below(300) as f64 / 1000.0;
-            let request =
-                json!({"kind": "idle", "mesh": self.mesh, "parameters": {"seconds": seconds, "number": number}});
+            let request = match number % DIVIDED == 7 {
+                true => {
+                    // What is asked for with another seed is other work.
+                    let parameters =
+                        json!({"method": "hsim", "count": PAIRS, "tolerance": 1e-6, "seed": number, "parts": 2});
+                    json!({"kind": "eigenbasis", "mesh": self.surface, "parameters": parameters})
+                }
+                false => {
+                    json!({"kind": "idle", "mesh": self.mesh, "parameters": {"seconds": seconds, "number": number}})
+                }
+            };
             let begun = Instant::now();
             for turn in 0.. {
                 assert!(begun.elapsed() < PATIENCE, "job {number} is not taken");
@@ -203,11 +218,12 @@ impl Scene {
     async fn begin(places: Places, weed: Option<Weed>, seed: u64) -> Self {
         let servers: Vec<Server> = (0..SERVERS).map(|_| places.server_with(SERVER)).collect();
         let workers = (0..WORKERS).map(|_| places.worker(WORKER)).collect();
-        let mesh = servers[0].upload().await;
+        let (mesh, surface) = (servers[0].upload().await, servers[0].upload_off(process::torus_of(56, 28)).await);
         let clients = Arc::new(Clients {
             client: process::cryptography::client(),
             servers: Mutex::new(servers.iter().map(|server| server.url.clone()).collect()),
             mesh,
+            surface,
             acknowledged: Mutex::default(),
             seen: Mutex::default(),
             next: AtomicU64::new(0),
@@ -312,6 +328,14 @@ impl Scene {
         }
     }
 
+    /// The eigenvalues of a basis.
+    async fn values(&self, basis: &str) -> Vec<f64> {
+        let answer = self.clients.client.get(format!("{}/v1/bases/{basis}", self.servers[0].url)).send().await.unwrap();
+        let basis: Value = answer.json().await.unwrap();
+        let values = basis["eigenvalues"].as_array().unwrap_or_else(|| panic!("{basis}"));
+        values.iter().map(|value| value.as_f64().unwrap()).collect()
+    }
+
     /// Waits until everything is done, and looks at all of it.
     async fn end(mut self) {
         self.clients.stop.store(true, Ordering::Relaxed);
@@ -320,20 +344,35 @@ impl Scene {
         }
         let acknowledged = self.clients.acknowledged.lock().unwrap().clone();
         let begun = Instant::now();
-        let mut done = HashMap::new();
+        let (mut done, mut results, mut divided) = (HashMap::new(), HashSet::new(), Vec::new());
         for (number, id) in &acknowledged {
             let job = self.servers[0].finished(id).await;
             assert_eq!(job["status"], "succeeded", "{job}");
-            assert_eq!(job["parameters"]["number"], *number, "{job}");
             let basis = job["basis"].as_str().unwrap().to_owned();
+            if job["kind"] == "eigenbasis" {
+                assert_eq!((&job["parameters"]["seed"], &job["parts"]["done"]), (&json!(number), &json!(2)), "{job}");
+                divided.push(self.values(&basis).await);
+            } else {
+                assert_eq!(job["parameters"]["number"], *number, "{job}");
+            }
             if let Some(before) = self.clients.seen.lock().unwrap().get(id) {
                 assert_eq!(*before, basis, "done again: {job}");
             }
-            assert!(done.insert(basis, *number).is_none(), "two jobs with one result: {job}");
+            assert!(results.insert(basis.clone()), "two jobs with one result: {job}");
+            if job["kind"] != "eigenbasis" {
+                done.insert(basis, *number);
+            }
+        }
+        // Of one surface, whoever solved which part, and how often one was begun.
+        for (values, first) in divided.iter().flat_map(|values| values.iter().zip(&divided[0])) {
+            assert!((values - first).abs() <= 1e-7 * first.abs(), "{values} {first}");
         }
         let failed = self.clients.failed.load(Ordering::Relaxed);
         let (all, waited) = (acknowledged.len(), begun.elapsed().as_secs_f64());
-        println!("{all} jobs acknowledged, all done {waited:.1} s after the last; {failed} requests failed");
+        let parents = divided.len();
+        println!(
+            "{all} jobs acknowledged, {parents} in parts, all done {waited:.1} s after the last; {failed} requests failed"
+        );
         println!("{:?}", self.done);
         assert!(all > 20, "only {all} jobs");
         drop(self.workers);

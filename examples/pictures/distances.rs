@@ -157,7 +157,7 @@ fn methods(path: &std::path::Path) -> Result<(), Failure> {
     let heated = begin.elapsed().as_secs_f64() / 32.0;
     let spectral = geodesic(&basis, &mesh, &sources, false, None)?;
     let mean = |columns: &dyn Fn(usize) -> f64| (0..3).map(columns).sum::<f64>() / 3.0;
-    let by_heat = mean(&|k| scene::relative_error(&basis, warm.column(k), &truths[k]));
+    let by_heat = mean(&|k| scene::relative_error(&basis, warm.distances.column(k), &truths[k]));
     let by_basis = mean(&|k| scene::relative_error(&basis, spectral.column(k), &truths[k]));
     let name = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
     println!(

@@ -290,6 +290,11 @@ class Basis:
         -------
         numpy.ndarray
             (n,) for one source or with `nearest`, (n, s) for a list, (p,) for pairs; one axis more, the last, for a list of times.
+
+        Warns
+        -----
+        RuntimeWarning
+            Where geodesic distances by heat may be more than a tenth off, as their slopes tell.
         """
         _arrays.flag(kind, "kind", ("biharmonic", "diffusion", "commute_time", "geodesic"))
         distance: dict[str, Any] = {"kind": kind}

@@ -261,6 +261,11 @@ class Mesh:
         numpy.ndarray
             (n,) for one source or with `nearest`, (n, s) for a list, (p,) for pairs. Infinite where no path leads.
 
+        Warns
+        -----
+        RuntimeWarning
+            Where distances by heat may be more than a tenth off, as their slopes tell.
+
         Examples
         --------
         >>> import chladni

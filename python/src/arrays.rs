@@ -1,9 +1,12 @@
 //! Between NumPy's arrays and ours. The package hands over C-contiguous arrays of the right type; what it gets back is not copied.
 
+use std::ffi::CString;
+
 use chladni_algebra::{DenseMatrix, MassMatrix, SparseMatrix};
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
 };
+use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
@@ -63,6 +66,28 @@ pub fn table(py: Python<'_>, table: DenseMatrix) -> PyResult<Bound<'_, PyArray2<
         return Ok(PyArray2::zeros(py, [0, table.columns()], true));
     }
     columns(py, table.into_values(), rows)
+}
+
+/// Errors of the slope of distances from here on are warned of: a share of the distances.
+const STEEP: f64 = 0.1;
+
+/// Distances as a table; a warning where those by heat may be far off.
+///
+/// # Errors
+/// As [`columns`]; where warnings are errors, the warning.
+pub fn distances(
+    py: Python<'_>,
+    (found, slope_error): (DenseMatrix, Option<f64>),
+) -> PyResult<Bound<'_, PyArray2<f64>>> {
+    if let Some(error) = slope_error.filter(|error| *error > STEEP) {
+        let category = py.get_type::<PyRuntimeWarning>();
+        let text = format!(
+            "distances by heat may be {:.0} % off on this mesh; method=\"exact\" has no such error",
+            100.0 * error
+        );
+        PyErr::warn(py, &category, &CString::new(text)?, 2)?;
+    }
+    table(py, found)
 }
 
 /// A sparse matrix as `(data, indices, indptr)` of SciPy's CSR.

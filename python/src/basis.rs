@@ -248,9 +248,11 @@ impl NativeBasis {
         let (basis, to) = (&self.basis, self.translation(nearest));
         request.translate(&to, basis.vertices()).map_err(Failure::from)?;
         let mesh = self.mesh.as_ref().map(|body| body.mesh());
-        let found =
-            watch::run(py, None, |monitor| Ok(request.translated(&to, request.distances(basis, mesh, monitor)?)))?;
-        arrays::table(py, found)
+        let found = watch::run(py, None, |monitor| {
+            let found = request.distances(basis, mesh, monitor)?;
+            Ok((request.translated(&to, found.table), found.slope_error))
+        })?;
+        arrays::distances(py, found)
     }
 
     /// The gradient of a weighted sum of eigenvalues by positions, (n, 3).

@@ -257,9 +257,9 @@ impl NativeMesh {
                 }
             };
             let found = request.geodesics(&prepared, monitor)?;
-            Ok(request.translated(&to, found))
+            Ok((request.translated(&to, found.table), found.slope_error))
         })?;
-        arrays::table(py, found)
+        arrays::distances(py, found)
     }
 }
 

@@ -52,6 +52,13 @@ def test_distances_are_their_formulas(knot, knot_basis, sphere):
     assert abs(sphere.geodesics([17, 40]) - arcs).mean() < 0.02 * arcs.mean()
     steps = np.linalg.norm(knot.vertices[knot.faces[:, 0]] - knot.vertices[knot.faces[:, 1]], axis=1)
     assert (abs(exact[knot.faces[:, 0]] - exact[knot.faces[:, 1]]) <= steps[:, None] + 1e-9).all()
+    # Cells from 1 to 1e-8 in size: distances are off by a tenth, and it is said.
+    side = np.linspace(0, 1, 30) ** 8
+    corner = (np.arange(29)[:, None] + 30 * np.arange(29)).ravel()
+    faces = np.concatenate([corner[:, None] + [0, 1, 31], corner[:, None] + [0, 31, 30]])
+    graded = chladni.Mesh(np.stack([np.tile(side, 30), np.repeat(side, 30), np.zeros(900)], 1), faces)
+    with pytest.warns(RuntimeWarning, match='method="exact" has no such error'):
+        graded.geodesics(0)
     with pytest.raises(chladni.ParameterError, match="neither is given"):
         knot_basis.distances()
     with pytest.raises(chladni.ParameterError, match="2996"):

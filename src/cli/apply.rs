@@ -149,9 +149,15 @@ pub fn distances(arguments: DistancesArguments) -> Result<ExitCode, CliError> {
     let (basis, mesh, to, _) = arguments.stored.functions()?;
     let refused = |error: NumberingError| CliError::Refused(error.to_string());
     request.translate(&to, basis.vertices()).map_err(refused)?;
-    let table =
+    let found =
         request.distances(&basis, Some(&mesh), &Unwatched).map_err(|error| CliError::Refused(error.to_string()))?;
-    let table = request.translated(&to, table);
+    if let Some(error) = found.slope_error {
+        let percent = 100.0 * error;
+        eprintln!(
+            "distances by heat: slopes are {percent:.1} % off on average, distances by less; the method \"exact\" has no such error"
+        );
+    }
+    let table = request.translated(&to, found.table);
     match output {
         None => print(&chladni_work::table::Table::from(&table)),
         Some(file) => array(&file, &table),

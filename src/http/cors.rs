@@ -9,7 +9,7 @@ use super::middleware::REQUEST_ID;
 const REMEMBERED: std::time::Duration = std::time::Duration::from_secs(3600);
 
 /// The headers of ours that answers have. A browser shows a page of another origin only those that are exposed.
-const OWN: [&str; 18] = [
+const OWN: [&str; 19] = [
     "chladni-columns",
     "chladni-covered",
     "chladni-dtype",
@@ -26,6 +26,7 @@ const OWN: [&str; 18] = [
     "chladni-relative-error",
     "chladni-residual",
     "chladni-rows",
+    "chladni-slope-error",
     "chladni-space",
     "chladni-strands",
 ];

@@ -5,7 +5,7 @@ use std::time::Instant;
 use axum::body::Body;
 use axum::http::HeaderMap;
 use chladni_mesh::numbering::Translation;
-use chladni_work::distances::{DistanceFault, DistanceRequest, GeodesicMethod, MeshDistances};
+use chladni_work::distances::{DistanceFault, DistanceRequest, Distances, GeodesicMethod, MeshDistances};
 use serde::Deserialize;
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
@@ -54,7 +54,8 @@ problems!(DistancesProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_ANALYSIS])
 /// for each vertex (or pair) and a column for each source and, within a source, each time; with `nearest`, for each time.
 ///
 /// Geodesic distances by `heat` and `exact` ones are computed on the mesh of the basis; what they prepare of it is kept for further requests. An
-/// infinite distance is `null` in JSON.
+/// infinite distance is `null` in JSON. `Chladni-Slope-Error` tells how far those by `heat` may be off: by how much their slope, which is one, differs
+/// from one on average. They are off by less than this share of themselves, and by more than a quarter of it as a rule.
 ///
 /// JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is little-endian u32, sources or with `pairs=true` the
 /// vertices of pairs, and the rest of the request stands in the query. The answer is of the same kind unless `Accept` says otherwise.
@@ -64,7 +65,7 @@ problems!(DistancesProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_ANALYSIS])
     request_body(description = "The sources or pairs", content((DistanceRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
     responses(
         (status = 200, description = "The distances", content((Table = "application/json"), (super::docs::Binary = "application/octet-stream")),
-            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Server-Timing" = String))),
+            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Chladni-Slope-Error" = f64), ("Server-Timing" = String))),
         DistancesProblems,
     ),
     security(("bearer" = ["read"]))
@@ -95,8 +96,8 @@ async fn distances(
     state
         .solve("distances", move |monitor| {
             let begin = Instant::now();
-            let table = request.distances(&basis, mesh.as_deref(), monitor)?;
-            Answer::table(&request.translated(&to, table), raw, query.dtype, begin)
+            let found = request.distances(&basis, mesh.as_deref(), monitor)?;
+            Answer::table(&request.translated(&to, found.table), raw, query.dtype, begin)
         })
         .await
 }
@@ -112,7 +113,7 @@ problems!(MeshDistancesProblems: BODY JSON [INVALID_QUERY, UNKNOWN_MESH, NOT_ACC
     request_body(description = "The sources or pairs", content((DistanceRequest = "application/json"), (super::docs::Binary = "application/octet-stream"))),
     responses(
         (status = 200, description = "The distances", content((Table = "application/json"), (super::docs::Binary = "application/octet-stream")),
-            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Server-Timing" = String))),
+            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Dtype" = String), ("Chladni-Slope-Error" = f64), ("Server-Timing" = String))),
         MeshDistancesProblems,
     ),
     security(("bearer" = ["read"]))
@@ -157,8 +158,12 @@ async fn on_mesh(
     state
         .solve("distances", move |monitor| {
             let begin = Instant::now();
-            let table = request.geodesics(&prepared, monitor)?;
-            Answer::table(&request.translated(&to, table), raw, dtype, begin)
+            let Distances { table, slope_error } = request.geodesics(&prepared, monitor)?;
+            let answer = Answer::table(&request.translated(&to, table), raw, dtype, begin)?;
+            Ok(match slope_error {
+                Some(error) => answer.with("chladni-slope-error", format!("{error:.4}")),
+                None => answer,
+            })
         })
         .await
 }

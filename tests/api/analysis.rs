@@ -144,6 +144,13 @@ async fn geodesic_distances_need_no_basis_and_reach_what_a_path_leads_to() {
         let values = told["values"].as_array().unwrap();
         assert!(values[..3].iter().all(Value::is_number) && values[3..].iter().all(Value::is_null), "{told}");
         let raw = raw(&app, &url, &json!({"distance": {"kind": "geodesic", "method": method}}), words(&[1])).await;
+        // By heat it is told how far distances may be off.
+        let error =
+            raw.headers().get("chladni-slope-error").map(|error| error.to_str().unwrap().parse::<f64>().unwrap());
+        assert!(
+            if method == "heat" { error.is_some_and(|e| (0.0..1.0).contains(&e)) } else { error.is_none() },
+            "{error:?}"
+        );
         assert!(doubles(&raw.bytes().await.unwrap())[3..].iter().all(|d| *d == f64::INFINITY));
     }
     let nowhere = app.post("/v1/meshes/0f6d2c4ab1e84cf29be2e3f0b5d1a7c3/distances").json(&json!({})).send().await;

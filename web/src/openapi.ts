@@ -334,7 +334,8 @@ export interface paths {
          *     for each vertex (or pair) and a column for each source and, within a source, each time; with `nearest`, for each time.
          *
          *     Geodesic distances by `heat` and `exact` ones are computed on the mesh of the basis; what they prepare of it is kept for further requests. An
-         *     infinite distance is `null` in JSON.
+         *     infinite distance is `null` in JSON. `Chladni-Slope-Error` tells how far those by `heat` may be off: by how much their slope, which is one, differs
+         *     from one on average. They are off by less than this share of themselves, and by more than a quarter of it as a rule.
          *
          *     JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is little-endian u32, sources or with `pairs=true` the
          *     vertices of pairs, and the rest of the request stands in the query. The answer is of the same kind unless `Accept` says otherwise.
@@ -8150,6 +8151,7 @@ export interface operations {
                     "Chladni-Columns"?: number;
                     "Chladni-Dtype"?: string;
                     "Chladni-Rows"?: number;
+                    "Chladni-Slope-Error"?: number;
                     "Server-Timing"?: string;
                     [name: string]: unknown;
                 };
@@ -12088,6 +12090,7 @@ export interface operations {
                     "Chladni-Columns"?: number;
                     "Chladni-Dtype"?: string;
                     "Chladni-Rows"?: number;
+                    "Chladni-Slope-Error"?: number;
                     "Server-Timing"?: string;
                     [name: string]: unknown;
                 };

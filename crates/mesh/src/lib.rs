@@ -2,6 +2,7 @@
 
 pub mod attributes;
 pub mod check;
+pub mod connected;
 pub mod connectivity;
 pub mod distance;
 pub mod dual;

@@ -106,6 +106,23 @@ pub enum DistanceFault {
     Analysis(#[from] AnalysisError),
 }
 
+/// Distances, and how far they may be off.
+#[derive(Debug, Clone)]
+pub struct Distances {
+    /// A row for each vertex or pair, a column for each source and, within it, each time.
+    pub table: DenseMatrix,
+    /// Of geodesic distances by heat, by how much their slope, which is one, differs from one, on average over the area that is reached: the largest of all
+    /// sources. They are off by less than this share of themselves.
+    pub slope_error: Option<f64>,
+}
+
+impl From<DenseMatrix> for Distances {
+    /// Distances that nothing is told of.
+    fn from(table: DenseMatrix) -> Self {
+        Self { table, slope_error: None }
+    }
+}
+
 /// What geodesic distances on a mesh are computed with; it serves any number of requests.
 #[derive(Debug)]
 pub enum MeshDistances {
@@ -153,13 +170,17 @@ impl MeshDistances {
     }
 
     /// Distances of all vertices from the nearest of each group: a column for each.
-    fn nearest_of(&self, groups: &[&[u32]], monitor: &dyn Monitor) -> Result<DenseMatrix, AnalysisError> {
+    fn nearest_of(&self, groups: &[&[u32]], monitor: &dyn Monitor) -> Result<Distances, AnalysisError> {
         match self {
-            Self::Heat(heat) => heat.from_nearest(groups, monitor),
+            Self::Heat(heat) => {
+                let found = heat.from_nearest(groups, monitor)?;
+                let slope_error = found.slope_errors.iter().flatten().copied().reduce(f64::max);
+                Ok(Distances { table: found.distances, slope_error })
+            }
             Self::Exact(exact) => {
                 let columns: Result<Vec<Vec<f64>>, _> =
                     groups.par_iter().map(|group| exact.from_nearest(group, monitor)).collect();
-                Ok(DenseMatrix::from_columns(exact.vertices(), groups.len(), columns?.concat()))
+                Ok(DenseMatrix::from_columns(exact.vertices(), groups.len(), columns?.concat()).into())
             }
         }
     }
@@ -181,8 +202,8 @@ fn check_vertices(
 fn of_pairs(
     pairs: &[[u32; 2]],
     vertices: usize,
-    from: impl FnOnce(&[u32]) -> Result<DenseMatrix, AnalysisError>,
-) -> Result<DenseMatrix, AnalysisError> {
+    from: impl FnOnce(&[u32]) -> Result<Distances, AnalysisError>,
+) -> Result<Distances, AnalysisError> {
     check_vertices("pair", pairs.iter().enumerate().flat_map(|(k, pair)| pair.map(|v| (k, v))), vertices)?;
     let mut sources: Vec<u32> = pairs.iter().map(|pair| pair[0]).collect();
     sources.sort_unstable();
@@ -191,9 +212,9 @@ fn of_pairs(
     let mut distances = DenseMatrix::zeros(pairs.len(), 1);
     for (slot, [a, b]) in distances.column_mut(0).iter_mut().zip(pairs) {
         let column = sources.partition_point(|source| source < a);
-        *slot = all.column(column)[*b as usize];
+        *slot = all.table.column(column)[*b as usize];
     }
-    Ok(distances)
+    Ok(Distances { table: distances, slope_error: all.slope_error })
 }
 
 impl DistanceRequest {
@@ -243,10 +264,10 @@ impl DistanceRequest {
     ///
     /// # Errors
     /// [`DistanceFault`] names what does not fit, or says that it was cancelled.
-    pub fn geodesics(&self, mesh: &MeshDistances, monitor: &dyn Monitor) -> Result<DenseMatrix, DistanceFault> {
+    pub fn geodesics(&self, mesh: &MeshDistances, monitor: &dyn Monitor) -> Result<Distances, DistanceFault> {
         self.check()?;
         let vertices = mesh.vertices();
-        let from = |sources: &[u32]| -> Result<DenseMatrix, AnalysisError> {
+        let from = |sources: &[u32]| -> Result<Distances, AnalysisError> {
             if sources.len() > MOST_SOURCES {
                 return Err(AnalysisError::Count {
                     what: "sources",
@@ -274,7 +295,7 @@ impl DistanceRequest {
         basis: &Basis,
         mesh: Option<&TriangleMesh>,
         monitor: &dyn Monitor,
-    ) -> Result<DenseMatrix, DistanceFault> {
+    ) -> Result<Distances, DistanceFault> {
         self.check()?;
         self.check_basis(basis)?;
         let spectral = match &self.distance {
@@ -291,16 +312,16 @@ impl DistanceRequest {
                     return self.geodesics(&prepared, monitor);
                 }
                 if !self.pairs.is_empty() {
-                    let from = |sources: &[u32]| geodesic(basis, mesh, sources, false, *time);
+                    let from = |sources: &[u32]| Ok(geodesic(basis, mesh, sources, false, *time)?.into());
                     return Ok(of_pairs(&self.pairs, basis.vertices(), from)?);
                 }
-                return Ok(geodesic(basis, mesh, &self.sources, self.nearest, *time)?);
+                return Ok(geodesic(basis, mesh, &self.sources, self.nearest, *time)?.into());
             }
         };
         if !self.pairs.is_empty() {
-            return Ok(spectral.between(basis, &self.pairs)?);
+            return Ok(spectral.between(basis, &self.pairs)?.into());
         }
         let all = spectral.from_sources(basis, &self.sources)?;
-        Ok(if self.nearest { nearest(&all, spectral.columns()) } else { all })
+        Ok(if self.nearest { nearest(&all, spectral.columns()) } else { all }.into())
     }
 }

@@ -6,6 +6,7 @@ use std::cmp::Ordering;
 
 use super::{CoverError, IntrinsicTriangulation, Rim, TriangleShape, distance, proper_faces};
 use crate::TriangleMesh;
+use crate::connected::components;
 use crate::topology::{EdgeTable, MOST_FACES, apex, half_edge, runs_down};
 
 /// Lengths are made to miss a degenerate triangle by this share of the mean length (Sharp and Crane 2020, section 4.5).
@@ -27,7 +28,7 @@ impl IntrinsicTriangulation {
         let single = faces.len();
         let table = EdgeTable::new(mesh.positions.len(), &faces);
         let mut lengths = lengths(mesh, &faces, scale);
-        let mollification = mollify(&table, &mut lengths)?;
+        let mollification = mollify(&table, &faces, &mut lengths)?;
 
         let mut simple = true;
         table.for_each_edge(|_, _, records| {
@@ -100,27 +101,55 @@ fn lengths(mesh: &TriangleMesh, faces: &[[u32; 3]], scale: f64) -> Vec<[f64; 3]>
         .collect()
 }
 
-/// Adds the least length to every edge that lets all triangles close with a margin; gives its share of the mean length.
-fn mollify(table: &EdgeTable, lengths: &mut [[f64; 3]]) -> Result<f64, CoverError> {
+/// Adds the least length to every edge of a component that lets all its triangles close with a margin; gives its share of the mean length, the largest of all
+/// components. One that is a millionth of others is no less a surface: by a mean over all its triangles would count as degenerate.
+fn mollify(table: &EdgeTable, faces: &[[u32; 3]], lengths: &mut [[f64; 3]]) -> Result<f64, CoverError> {
     let (mut sum, mut edges) = (0.0, 0usize);
     table.for_each_edge(|_, _, records| {
-        let h = half_edge(records[0]) as usize;
-        sum += lengths[h / 3][h % 3];
+        sum += half_edge_length(lengths, records);
         edges += 1;
     });
     let mean = sum / edges as f64;
     if !(mean > 0.0 && mean.is_finite()) {
         return Err(CoverError::Empty);
     }
-    let margin = MARGIN * mean;
-    let missing = lengths
-        .par_iter()
-        .map(|&[a, b, c]| (a - b - c).max(b - c - a).max(c - a - b) + margin)
-        .reduce(|| 0.0, f64::max);
-    if missing > 0.0 {
-        lengths.par_iter_mut().for_each(|l| *l = l.map(|l| l + missing));
+    // No mean is longer than the longest edge.
+    let widest = |a: (f64, f64), b: (f64, f64)| (a.0.max(b.0), a.1.max(b.1));
+    let of = |&l: &[f64; 3]| (flatness(l), l[0].max(l[1]).max(l[2]));
+    let (flattest, longest) = lengths.par_iter().map(of).reduce(|| (f64::NEG_INFINITY, 0.0), widest);
+    if flattest + MARGIN * longest <= 0.0 {
+        return Ok(0.0);
     }
-    Ok(missing / mean)
+    let vertices = faces.iter().flatten().max().map_or(0, |&vertex| vertex as usize + 1);
+    let component = components(vertices, faces);
+    let own = |face: usize| component[faces[face][0] as usize] as usize;
+    let mut means = vec![(0.0, 0usize); vertices];
+    table.for_each_edge(|_, _, records| {
+        let (sum, edges) = &mut means[own(half_edge(records[0]) as usize / 3)];
+        *sum += half_edge_length(lengths, records);
+        *edges += 1;
+    });
+    let means: Vec<f64> = means.iter().map(|&(sum, edges)| sum / edges as f64).collect();
+    let mut missing = vec![0.0f64; vertices];
+    for (face, &l) in lengths.iter().enumerate() {
+        let component = own(face);
+        missing[component] = missing[component].max(flatness(l) + MARGIN * means[component]);
+    }
+    if missing.iter().any(|&missing| missing > 0.0) {
+        lengths.iter_mut().enumerate().for_each(|(face, l)| *l = l.map(|l| l + missing[own(face)]));
+    }
+    // Those that are no component have a mean that is no number.
+    Ok(missing.iter().zip(&means).map(|(missing, mean)| missing / mean).fold(0.0, f64::max))
+}
+
+fn half_edge_length(lengths: &[[f64; 3]], records: &[u64]) -> f64 {
+    let h = half_edge(records[0]) as usize;
+    lengths[h / 3][h % 3]
+}
+
+/// By how much the longest edge of a triangle is longer than the others together: below zero, unless it is degenerate.
+fn flatness([a, b, c]: [f64; 3]) -> f64 {
+    (a - b - c).max(b - c - a).max(c - a - b)
 }
 
 /// Numbers that grow with the angles of `points` around the axis from `low` to `high`, seen from its end, starting at the first; zeros
@@ -182,6 +211,25 @@ mod tests {
 
     fn cover(mesh: &TriangleMesh) -> IntrinsicTriangulation {
         IntrinsicTriangulation::tufted_cover(mesh, 1.0, Rim::Free).unwrap()
+    }
+
+    #[test]
+    fn a_component_that_is_small_beside_others_keeps_its_lengths() {
+        let (mut mesh, small) = (sphere(4), sphere(4));
+        let first = mesh.positions.len() as u32;
+        mesh.positions.extend(small.positions.iter().map(|p| p.map(|x| 1e-7 * x)));
+        mesh.faces.extend(small.faces.iter().map(|face| face.map(|v| first + v)));
+        let cover = IntrinsicTriangulation::tufted_cover(&mesh, 1.0, Rim::Free).unwrap();
+        assert_eq!(cover.mollification(), 0.0);
+        // Flat triangles of one do not change the others.
+        let [a, b, c] = [[5.0, 0.0, 0.0], [6.0, 0.0, 0.0], [7.0, 0.0, 0.0]];
+        mesh.faces.push([0, 1, 2].map(|k| mesh.positions.len() as u32 + k));
+        mesh.positions.extend([a, b, c]);
+        let flat = IntrinsicTriangulation::tufted_cover(&mesh, 1.0, Rim::Free).unwrap();
+        assert!((flat.mollification() - 1e-5).abs() < 1e-12);
+        let faces = cover.faces().len();
+        assert_eq!(flat.lengths[..faces], cover.lengths[..]);
+        assert!(flat.lengths[faces][0] > 1.0 + 1e-5);
     }
 
     #[test]

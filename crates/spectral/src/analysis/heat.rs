@@ -19,6 +19,7 @@ use chladni_algebra::{
 };
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
+use chladni_mesh::connected::components;
 use chladni_mesh::intrinsic::IntrinsicTriangulation;
 
 use self::probe::Probe;
@@ -41,10 +42,23 @@ pub struct HeatGeodesics {
     component: Vec<u32>,
     /// Where each vertex is in the order of the factors.
     place: Vec<u32>,
+    /// The component at each of these places.
+    component_at: Vec<u32>,
     symbolic: SymbolicFactor,
     tree: ColumnTree,
     heat: Numbers,
     poisson: Numbers,
+}
+
+/// Distances by heat.
+#[derive(Debug, Clone)]
+pub struct HeatDistances {
+    /// `n × groups`, in units of the mesh.
+    pub distances: DenseMatrix,
+    /// For each group, by how much the slope of its distances, which is one, differs from one, on average over the area of its components; nothing where
+    /// these have no area. Distances are off by less, relative to themselves in the norm of L²: by a quarter to nearly all of it on any mesh
+    /// (`docs/distances.md`).
+    pub slope_errors: Vec<Option<f64>>,
 }
 
 /// The numbers of a factor.
@@ -80,7 +94,7 @@ impl std::fmt::Debug for HeatGeodesics {
 }
 
 impl HeatGeodesics {
-    /// Factors both systems. `time` is how long heat flows, in length² of the mesh; without it, the square of the mean edge.
+    /// Factors both systems. `time` is how long heat flows, in length² of the mesh; without it, in each component the square of its mean edge.
     ///
     /// # Errors
     /// [`AnalysisError`]: a time that is not above zero, a mesh without area or with corners or coordinates that cannot be, a matrix that cannot be
@@ -99,7 +113,8 @@ impl HeatGeodesics {
         let symbolic = SymbolicFactor::new(&stiffness, &mass)?;
         let mut place = vec![0; order.len()];
         order.iter().zip(0..).for_each(|(&vertex, at)| place[vertex as usize] = at);
-        let component = components(mesh);
+        let component = components(mesh.positions.len(), &mesh.faces);
+        let component_at = order.iter().map(|&vertex| component[vertex as usize]).collect();
         let tree = ColumnTree::new(&symbolic);
         let gradients = UnitGradients::new(&triangulation, &place);
         let probe = Probe {
@@ -110,10 +125,10 @@ impl HeatGeodesics {
             component: &component,
             place: &place,
         };
-        let usual = default_time(&triangulation, mesh, unit);
-        let (heat, flowed) = probe.heat_for(time, usual, problem.area, monitor)?;
+        let usual = default_times(&triangulation, mesh, &component, unit);
+        let (heat, flowed) = probe.heat_for(time, &usual, problem.area, monitor)?;
         let poisson = probe.poisson_for(&gradients, &flowed, monitor)?;
-        Ok(Self { component, unit, place, symbolic, tree, heat, poisson, gradients })
+        Ok(Self { component, component_at, unit, place, symbolic, tree, heat, poisson, gradients })
     }
 
     /// The number of vertices, `n`.
@@ -127,12 +142,12 @@ impl HeatGeodesics {
         (entry * self.symbolic.entries() + 400 * self.vertices() + 60 * self.gradients.faces()) as u64
     }
 
-    /// Distances in the units of the mesh of all vertices from the nearest vertex of each of some groups: `n × groups`, infinite in components
-    /// without one.
+    /// Distances in the units of the mesh of all vertices from the nearest vertex of each of some groups, infinite in components without one; and how
+    /// far they may be off.
     ///
     /// # Errors
     /// [`AnalysisError::Vertex`] names a source that is no vertex; cancellation.
-    pub fn from_nearest(&self, groups: &[&[u32]], monitor: &dyn Monitor) -> Result<DenseMatrix, AnalysisError> {
+    pub fn from_nearest(&self, groups: &[&[u32]], monitor: &dyn Monitor) -> Result<HeatDistances, AnalysisError> {
         let n = self.vertices();
         for (place, &vertex) in groups.iter().flat_map(|group| group.iter()).enumerate() {
             if vertex as usize >= n {
@@ -140,6 +155,7 @@ impl HeatGeodesics {
             }
         }
         let mut distances = DenseMatrix::zeros(n, groups.len());
+        let mut slope_errors = Vec::with_capacity(groups.len());
         let mut from = 0;
         while from < groups.len() {
             // Few are solved one by one.
@@ -157,10 +173,19 @@ impl HeatGeodesics {
             self.poisson.solve(&self.symbolic, &self.tree, &mut columns, width);
             for (column, group) in groups.iter().enumerate() {
                 self.finish(&columns[column..], width, group, distances.column_mut(from + column));
+                slope_errors.push(self.slope_error(&columns[column..], width, group));
             }
             from += count;
         }
-        Ok(distances)
+        Ok(HeatDistances { distances, slope_errors })
+    }
+
+    /// By how much slopes of the column that `potential` begins with differ from one, where its sources lead to.
+    fn slope_error(&self, potential: &[f64], width: usize, sources: &[u32]) -> Option<f64> {
+        let mut reached = vec![false; self.vertices()];
+        sources.iter().for_each(|&source| reached[self.component[source as usize] as usize] = true);
+        let value = |place: u32| potential[place as usize * width];
+        self.gradients.slope_error(value, |place| reached[self.component_at[place as usize] as usize])
     }
 
     /// Distances of the column that `potential` begins with, zero at its sources.
@@ -180,40 +205,37 @@ impl HeatGeodesics {
     }
 }
 
-/// The square of the mean edge of the triangulation, but no time in which heat would not get across the mesh; in length² of the mesh.
-fn default_time(triangulation: &IntrinsicTriangulation, mesh: &TriangleMesh, unit: f64) -> f64 {
-    let mut sum = 0.0;
-    for shape in triangulation.shapes() {
+/// The square of the mean edge of each component of the triangulation, but no time in which heat would not get across it; in length² of the mesh, by the number
+/// of the component. A component that is small beside others is a surface of its own: its distances are what they would be without the others.
+fn default_times(
+    triangulation: &IntrinsicTriangulation,
+    mesh: &TriangleMesh,
+    component: &[u32],
+    unit: f64,
+) -> Vec<f64> {
+    let n = component.len();
+    let mut edges = vec![(0.0, 0usize); n];
+    for (face, shape) in triangulation.faces().iter().zip(triangulation.shapes()) {
         let [a, b, c] = shape.half_cotangents;
+        let (sum, count) = &mut edges[component[face[0] as usize] as usize];
         // |e_k|² = 4 A (h_i + h_j)
-        sum += [a + b, b + c, c + a].iter().map(|h| (4.0 * shape.area * h).max(0.0).sqrt()).sum::<f64>();
+        *sum += [a + b, b + c, c + a].iter().map(|h| (4.0 * shape.area * h).max(0.0).sqrt()).sum::<f64>();
+        *count += 3;
     }
-    let mean = unit * sum / (3 * triangulation.faces().len()).max(1) as f64;
-    let side = |k: usize| {
-        let along = mesh.positions.iter().map(|p| p[k]);
-        along.clone().fold(f64::NEG_INFINITY, f64::max) - along.fold(f64::INFINITY, f64::min)
+    let mut boxes = vec![([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]); n];
+    for (position, &component) in mesh.positions.iter().zip(component) {
+        let (low, high) = &mut boxes[component as usize];
+        for k in 0..3 {
+            (low[k], high[k]) = (low[k].min(position[k]), high[k].max(position[k]));
+        }
+    }
+    let time = |((sum, count), (low, high)): (&(f64, usize), &([f64; 3], [f64; 3]))| {
+        let diagonal = (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f64>().sqrt();
+        let time = (unit * sum / (*count).max(1) as f64).max(SHORTEST * diagonal).powi(2);
+        // A vertex alone, to which nothing flows.
+        if *count > 0 && time > 0.0 { time } else { unit * unit }
     };
-    let diagonal = [0, 1, 2].map(side).iter().map(|side| side * side).sum::<f64>().sqrt();
-    mean.max(SHORTEST * diagonal).powi(2)
-}
-
-/// The component of each vertex: the least vertex that it is joined with through faces.
-fn components(mesh: &TriangleMesh) -> Vec<u32> {
-    let mut parent: Vec<u32> = (0..mesh.positions.len() as u32).collect();
-    fn root(parent: &mut [u32], mut v: u32) -> u32 {
-        while parent[v as usize] != v {
-            parent[v as usize] = parent[parent[v as usize] as usize];
-            v = parent[v as usize];
-        }
-        v
-    }
-    for face in &mesh.faces {
-        for other in [face[1], face[2]] {
-            let (a, b) = (root(&mut parent, face[0]), root(&mut parent, other));
-            parent[a.max(b) as usize] = a.min(b);
-        }
-    }
-    (0..parent.len() as u32).map(|v| root(&mut parent, v)).collect()
+    edges.iter().zip(&boxes).map(time).collect()
 }
 
 #[cfg(test)]
@@ -223,6 +245,7 @@ mod tests {
     use chladni_algebra::solve_definite;
     use chladni_base::{SplitMix64, Unwatched};
     use chladni_mesh::distance::ExactGeodesics;
+    use chladni_mesh::measure::face_area;
     use chladni_mesh::shape::{Shape, generate};
 
     /// The error in the norm of L², relative, over vertices.
@@ -252,8 +275,8 @@ mod tests {
             let exact = ExactGeodesics::new(&mesh).from_nearest(&[source], &Unwatched).unwrap();
             let heat = HeatGeodesics::new(&mesh, None, &Unwatched).unwrap();
             let found = heat.from_nearest(&[&[source]], &Unwatched).unwrap();
-            assert_eq!(found.column(0)[source as usize], 0.0);
-            error(found.column(0), &exact)
+            assert_eq!(found.distances.column(0)[source as usize], 0.0);
+            error(found.distances.column(0), &exact)
         });
         assert!(errors[2] < 0.015 && errors[1] < 0.75 * errors[0] && errors[2] < errors[1], "{errors:?}");
     }
@@ -274,7 +297,7 @@ mod tests {
                     scale * cosine.clamp(-1.0, 1.0).acos()
                 };
                 let expected: Vec<f64> = mesh.positions.iter().map(angle).collect();
-                let error = error(found.column(column), &expected);
+                let error = error(found.distances.column(column), &expected);
                 assert!(error < 0.02, "{scale} {source}: {error}");
             }
         }
@@ -287,7 +310,7 @@ mod tests {
         let heat = HeatGeodesics::new(&mesh, None, &Unwatched).unwrap();
         let n = heat.vertices();
         let (problem, triangulation) = robust::triangulated(&mesh, &Unwatched).unwrap();
-        let time = default_time(&triangulation, &mesh, heat.unit) / problem.area;
+        let time = default_times(&triangulation, &mesh, &heat.component, heat.unit)[0] / problem.area;
         let mass = problem.mass.lumped();
         let system = |entry: &dyn Fn(usize, usize) -> f64| {
             let mut full = DenseMatrix::zeros(n, n);
@@ -315,7 +338,7 @@ mod tests {
             let expected: Vec<f64> = potential.column(0).iter().map(|p| ((p - base) * heat.unit).max(0.0)).collect();
             let found = heat.from_nearest(&[&[source as u32]], &Unwatched).unwrap();
             let largest = expected.iter().copied().fold(0.0, f64::max);
-            let worst = found.column(0).iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            let worst = found.distances.column(0).iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             assert!(worst < 1e-5 * largest, "{source}: {worst} of {largest}");
         }
     }
@@ -330,7 +353,7 @@ mod tests {
         for count in [1, 3] {
             let some = heat.from_nearest(&groups[..count], &Unwatched).unwrap();
             for column in 0..count {
-                let error = error(some.column(column), all.column(column));
+                let error = error(some.distances.column(column), all.distances.column(column));
                 assert!(error < 1e-7, "{error}");
             }
         }
@@ -387,16 +410,22 @@ mod tests {
         mesh.positions.push([5.0; 3]);
         let heat = HeatGeodesics::new(&mesh, None, &Unwatched).unwrap();
         let found = heat.from_nearest(&[&[0], &[950], &[0, 899, 950], &[1300]], &Unwatched).unwrap();
-        assert!(found.column(0)[900..].iter().all(|d| *d == f64::INFINITY));
-        assert!(found.column(1)[..900].iter().all(|d| *d == f64::INFINITY) && found.column(1)[1300] == f64::INFINITY);
-        assert!(found.column(3)[..1300].iter().all(|d| *d == f64::INFINITY) && found.column(3)[1300] == 0.0);
+        assert!(found.distances.column(0)[900..].iter().all(|d| *d == f64::INFINITY));
+        assert!(
+            found.distances.column(1)[..900].iter().all(|d| *d == f64::INFINITY)
+                && found.distances.column(1)[1300] == f64::INFINITY
+        );
+        assert!(
+            found.distances.column(3)[..1300].iter().all(|d| *d == f64::INFINITY)
+                && found.distances.column(3)[1300] == 0.0
+        );
         for vertex in 0..900 {
             let [x, y, _] = mesh.positions[vertex];
             let expected = x.hypot(y).min((1.0 - x).hypot(1.0 - y));
-            let found = found.column(2)[vertex];
+            let found = found.distances.column(2)[vertex];
             assert!((found - expected).abs() < 0.06, "{x} {y}: {found} {expected}");
         }
-        assert!(error(&found.column(2)[900..1300], &found.column(1)[900..1300]) < 1e-6);
+        assert!(error(&found.distances.column(2)[900..1300], &found.distances.column(1)[900..1300]) < 1e-6);
     }
 
     #[test]
@@ -420,7 +449,7 @@ mod tests {
         let heat = HeatGeodesics::new(&mesh, None, &Unwatched).unwrap();
         assert_eq!(heat.heat.bytes(), 8);
         let found = heat.from_nearest(&[&[0]], &Unwatched).unwrap();
-        let error = error(found.column(0), &exact);
+        let error = error(found.distances.column(0), &exact);
         assert!(error < 0.02, "{error}");
         for shape in [Shape::Sphere, Shape::Torus] {
             let heat = HeatGeodesics::new(&generate(shape, 4000).unwrap(), None, &Unwatched).unwrap();
@@ -438,14 +467,77 @@ mod tests {
         let exact = ExactGeodesics::new(&mesh).from_nearest(&[820], &Unwatched).unwrap();
         let heat = HeatGeodesics::new(&mesh, None, &Unwatched).unwrap();
         let found = heat.from_nearest(&[&[820]], &Unwatched).unwrap();
-        for (d, e) in found.column(0).iter().zip(&exact) {
+        for (d, e) in found.distances.column(0).iter().zip(&exact) {
             assert_eq!(d.is_finite(), e.is_finite());
         }
         let reached = |values: &[f64]| -> Vec<f64> {
             values.iter().zip(&exact).filter(|(_, e)| e.is_finite()).map(|(v, _)| *v).collect()
         };
-        let error = error(&reached(found.column(0)), &reached(&exact));
+        let error = error(&reached(found.distances.column(0)), &reached(&exact));
         assert!(error < 0.1, "{error}");
+    }
+
+    /// Squares and rings of triangles whose size and shape vary, a sphere, a surface that is squeezed: nothing that the method was tuned on.
+    #[test]
+    fn the_error_of_slopes_is_that_of_distances_or_up_to_five_times_as_large() {
+        let graded = |power: i32| {
+            let mut mesh = square(40, |x, y| 0.1 * (5.0 * x).sin() * (4.0 * y).cos());
+            mesh.positions.iter_mut().for_each(|p| (p[0], p[1]) = (p[0].powi(power), p[1].powi(power)));
+            mesh
+        };
+        let squeezed = |by: f64| {
+            let mut mesh = generate(Shape::Sphere, 2000).unwrap();
+            mesh.positions.iter_mut().for_each(|p| p[1] /= by);
+            mesh
+        };
+        let cases = [graded(1), graded(2), graded(4), graded(7), squeezed(1.0), squeezed(4.0), squeezed(30.0)];
+        let mut worst = 0.0f64;
+        for (case, mesh) in cases.iter().enumerate() {
+            let heat = HeatGeodesics::new(mesh, None, &Unwatched).unwrap();
+            let mut mass = vec![0.0; heat.vertices()];
+            for face in &mesh.faces {
+                face.iter().for_each(|&v| mass[v as usize] += face_area(mesh, face));
+            }
+            for source in [0, 777, 1503] {
+                let found = heat.from_nearest(&[&[source]], &Unwatched).unwrap();
+                let exact = ExactGeodesics::new(mesh).from_nearest(&[source], &Unwatched).unwrap();
+                let square =
+                    |values: &dyn Fn(usize) -> f64| (0..mass.len()).map(|v| mass[v] * values(v).powi(2)).sum::<f64>();
+                let column = found.distances.column(0);
+                let error = (square(&|v| column[v] - exact[v]) / square(&|v| exact[v])).sqrt();
+                let told = found.slope_errors[0].unwrap();
+                assert!(error < told && told < 5.0 * error, "{case} {source}: {error} {told}");
+                worst = worst.max(error);
+            }
+        }
+        assert!(worst > 0.05, "none of these meshes is hard: {worst}");
+    }
+
+    #[test]
+    fn a_component_that_is_small_beside_others_has_the_distances_that_it_has_alone() {
+        let own = |scale: f64| {
+            let mut mesh = generate(Shape::Torus, 600).unwrap();
+            mesh.positions.iter_mut().for_each(|p| *p = p.map(|x| 3.0 + scale * x));
+            mesh
+        };
+        for scale in [1.0, 1e-3, 1e-6] {
+            let (small, mut both) = (own(scale), generate(Shape::Sphere, 1000).unwrap());
+            let first = both.positions.len() as u32;
+            both.positions.extend(&small.positions);
+            both.faces.extend(small.faces.iter().map(|face| face.map(|v| first + v)));
+            let sources: [&[u32]; 2] = [&[first + 17], &[first + 17, 5]];
+            let together =
+                HeatGeodesics::new(&both, None, &Unwatched).unwrap().from_nearest(&sources, &Unwatched).unwrap();
+            let alone =
+                HeatGeodesics::new(&small, None, &Unwatched).unwrap().from_nearest(&[&[17]], &Unwatched).unwrap();
+            for column in 0..2 {
+                let found = &together.distances.column(column)[first as usize..];
+                assert!(error(found, alone.distances.column(0)) < 1e-5, "{scale}");
+            }
+            let [here, everywhere] = [0, 1].map(|column| together.slope_errors[column].unwrap());
+            let expected = alone.slope_errors[0].unwrap();
+            assert!((here - expected).abs() < 1e-4 * expected && everywhere < 0.1, "{here} {everywhere} {expected}");
+        }
     }
 
     #[test]

@@ -10,10 +10,15 @@ const AT_ONCE: usize = 16;
 /// Parts that add up what they give to vertices by themselves: as many whatever the number of threads is, so that sums do not depend on it.
 const PARTS: usize = 4;
 
+/// Triangles at which slopes are looked at: as many as tell an average to a percent of itself.
+const LOOKED_AT: usize = 20_000;
+
 /// Triangles with their vertices in the order of a factor, sorted by the first of these: what is read and added to lies together.
 #[derive(Debug)]
 pub(super) struct UnitGradients {
     vertices: usize,
+    /// How often the triangles cover the surface.
+    sheets: f64,
     corners: Vec<[u32; 3]>,
     shapes: Vec<Shape>,
 }
@@ -44,12 +49,34 @@ impl UnitGradients {
         let mut faces: Vec<([u32; 3], Shape)> = faces.collect();
         faces.sort_by_key(|(corners, _)| corners.iter().min().copied());
         let (corners, shapes) = faces.into_iter().unzip();
-        Self { vertices: place.len(), corners, shapes }
+        Self { vertices: place.len(), sheets: triangulation.sheets() as f64, corners, shapes }
     }
 
     /// The number of triangles.
     pub fn faces(&self) -> usize {
         self.corners.len()
+    }
+
+    /// By how much the slope of a distance differs from one, on average over the area of what the sources of a column lead to: at some
+    /// [`LOOKED_AT`] triangles evenly among all. `reached` tells of each vertex, by its place; nothing without a triangle that is.
+    pub fn slope_error(&self, distance: impl Fn(u32) -> f64, reached: impl Fn(u32) -> bool) -> Option<f64> {
+        let stride = self.corners.len().div_ceil(LOOKED_AT).max(1);
+        let (mut off, mut all) = (0.0, 0.0);
+        for (corners, shape) in self.corners.iter().zip(&self.shapes).step_by(stride) {
+            if !reached(corners[0]) {
+                continue;
+            }
+            let [p, q, r] = corners.map(&distance);
+            let [f, g, h] = shape.half_cotangents;
+            // The area here is over the square of the number of sheets, and that of which the energy is one is not.
+            let area = shape.area * self.sheets * self.sheets;
+            let energy = f * (q - r) * (q - r) + g * (r - p) * (r - p) + h * (p - q) * (p - q);
+            if area > 0.0 {
+                off += area * ((energy.max(0.0) / area).sqrt() - 1.0).abs();
+                all += area;
+            }
+        }
+        (all > 0.0).then(|| off / all)
     }
 
     /// `∫ X · ∇λ_i` with `X = −∇u / |∇u|` at each vertex, in the order of the factor, for the first `columns` of heat, whose rows are `width` wide.
