@@ -24,8 +24,8 @@ use crate::http::problem::{self, Problem};
 /// How long fields are refined within a request.
 pub const PATIENCE: Duration = Duration::from_secs(60);
 
-/// About the bytes that are held for each face and number of a block of it while an operator is assembled and ordered for its factors, or its levels are
-/// made.
+/// About the bytes that are held for each face and number of a block of it while an operator is assembled and ordered for its factors, or its levels
+/// are made.
 const MAKING_BYTES: u64 = 150;
 
 /// Vectors of the whole surface that a refinement holds at once.

@@ -1,7 +1,7 @@
 //! The dual graph of a surface: faces are its nodes, shared edges its edges.
 //!
-//! Edge `k` of a face lies opposite to its corner `k` and runs from corner `k + 1` to corner `k + 2`. Two neighbours of one orientation run along their
-//! shared edge in opposite directions; on a surface that is not orientable some do not.
+//! Edge `k` of a face lies opposite to its corner `k` and runs from corner `k + 1` to corner `k + 2`. Two neighbours of one orientation run along
+//! their shared edge in opposite directions; on a surface that is not orientable some do not.
 
 mod grow;
 #[cfg(test)]
@@ -192,8 +192,8 @@ impl DualGraph {
         own[(k + 1) % 3] == NO_FACE && own[(k + 2) % 3] != NO_FACE
     }
 
-    /// The next corner at the same vertex, counter-clockwise or clockwise, as the first face of the fan sees it; corners are numbered `3 · face + k`, and
-    /// with each goes whether its face has the opposite orientation.
+    /// The next corner at the same vertex, counter-clockwise or clockwise, as the first face of the fan sees it; corners are numbered `3 · face + k`,
+    /// and with each goes whether its face has the opposite orientation.
     fn step(&self, mesh: &TriangleMesh, (corner, turned): (u32, bool), counter_clockwise: bool) -> Option<(u32, bool)> {
         let (face, k) = (corner as usize / 3, corner as usize % 3);
         let vertex = mesh.faces[face][k];

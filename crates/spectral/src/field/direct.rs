@@ -1,5 +1,5 @@
-//! Sparse factors of `S + γM` on all faces: where there is room for them they take the place of multigrid cycles, and a field is designed among all in
-//! the time of two substitutions (see [`super::least`]).
+//! Sparse factors of `S + γM` on all faces: where there is room for them they take the place of multigrid cycles, and a field is designed among all
+//! in the time of two substitutions (see [`super::least`]).
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -39,8 +39,8 @@ const LEAST_KEPT: usize = 2;
 /// Halves of solves are kept, for each shift, up to this share of the bytes of its factor.
 const HALVES: u64 = 16;
 
-/// About the bytes that all fields of a surface take at least that fills in as scans do, before anything is known of it: an operator, two factors, and what is kept
-/// beside them.
+/// About the bytes that all fields of a surface take at least that fills in as scans do, before anything is known of it: an operator, two factors,
+/// and what is kept beside them.
 pub(super) fn expected_bytes(kind: FieldKind, faces: usize) -> f64 {
     let (faces, block) = (faces.max(2) as f64, kind.block() as f64);
     let each = if kind == (FieldKind::Vector {}) { EXPECTED_AROUND_VERTICES } else { EXPECTED };
@@ -89,8 +89,8 @@ struct Halves {
 }
 
 impl<const B: usize> Direct<B> {
-    /// Analyses an operator, beside which so many bytes are taken; `None` where two factors would take more than is left of `room` bytes, or the surface
-    /// fills in more than surfaces do.
+    /// Analyses an operator, beside which so many bytes are taken; `None` where two factors would take more than is left of `room` bytes, or the
+    /// surface fills in more than surfaces do.
     pub fn new(kind: FieldKind, stiffness: &BlockMatrix<B>, beside: u64, room: u64) -> Option<Self> {
         let faces = stiffness.rows();
         if faces > most_factored_faces(kind, room) {

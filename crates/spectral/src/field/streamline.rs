@@ -285,9 +285,8 @@ impl Hatching<'_> {
         let j = dual.slot(next, dual.edges(face as usize)[k]);
         let mut there = [0.0; 3];
         let turn = self.surface.frames().carry(dual, next as usize, j)?;
-        let ends = if turn.mirrored { [1, 2] } else { [2, 1] };
-        there[(j + 1) % 3] = at[(k + ends[0]) % 3];
-        there[(j + 2) % 3] = at[(k + ends[1]) % 3];
+        let (from, to) = if turn.mirrored { (1, 2) } else { (2, 1) };
+        (there[(j + 1) % 3], there[(j + 2) % 3]) = (at[(k + from) % 3], at[(k + to) % 3]);
         Some((Place { face: next, at: there }, turn.of(direction), turn.mirrored))
     }
 
@@ -442,8 +441,7 @@ impl Hatching<'_> {
 
     /// Straight ahead for a distance, the direction there, and whether left and right have changed; `None` at a boundary.
     fn walk(&self, from: Place, direction: Planar, distance: f64) -> Option<(Place, Planar, bool)> {
-        let mut turned = false;
-        let (mut here, mut direction, mut rest) = (from, direction, distance);
+        let (mut here, mut direction, mut rest, mut turned) = (from, direction, distance, false);
         for _ in 0..10_000 {
             let (k, at, reach) = self.exit(&here, direction)?;
             if reach >= rest {
@@ -452,9 +450,8 @@ impl Hatching<'_> {
                 return Some((Place { face: here.face, at }, direction, turned));
             }
             rest -= reach;
-            let mirrored;
-            (here, direction, mirrored) = self.cross(here.face, k, at, direction)?;
-            turned ^= mirrored;
+            let (next, along, mirrored) = self.cross(here.face, k, at, direction)?;
+            (here, direction, turned) = (next, along, turned != mirrored);
         }
         None
     }
@@ -481,7 +478,7 @@ impl Hatching<'_> {
         self.near_in(&self.cells, place, direction, distance, own)
     }
 
-    /// Whether a sample of a line of the kind that runs in a direction lies within a distance, on the same side of the surface. Of the line `own`
+    /// Whether a sample of a line of the kind that runs in a direction lies within a distance, on the same side if there are two. Of the line `own`
     /// only what is far along it counts.
     fn near_in(
         &self,
@@ -494,7 +491,6 @@ impl Hatching<'_> {
         let point = self.point(place);
         let normal = self.surface.frames().normal(place.face as usize);
         let direction = self.surface.frames().to_world(place.face as usize, direction);
-        // Where faces do not agree about sides, none is the wrong one.
         let one_sided = self.surface.dual().oriented().is_err();
         // With one kind of lines any direction is near enough.
         let kinds = self.kinds();

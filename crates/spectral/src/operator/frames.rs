@@ -189,8 +189,8 @@ impl FaceFrames {
         self.edges[face]
     }
 
-    /// What carries vectors of the neighbour across edge `k` into the frame of `face`: both see the shared edge, in opposite directions, or in the same
-    /// one where their orientations are opposite. `None` at a boundary.
+    /// What carries vectors of the neighbour across edge `k` into the frame of `face`: both see the shared edge, in opposite directions, or in the
+    /// same one where their orientations are opposite. `None` at a boundary.
     pub fn carry(&self, dual: &DualGraph, face: usize, k: usize) -> Option<Turn> {
         let neighbour = dual.neighbours(face)[k];
         if neighbour == NO_FACE {

@@ -55,8 +55,8 @@ pub const MOST_VECTORS: u32 = 64;
 /// The block that carries stored numbers of the given kind from a neighbour into a face; `turn` is [`FaceFrames::carry`] to the power
 /// [`FieldKind::order`].
 ///
-/// For tensors this is `P` of (3.18), written in the cosine and sine of twice the angle. Between faces of opposite orientation the last of the numbers
-/// changes its sign first. A block of a size that does not fit the kind is the identity.
+/// For tensors this is `P` of (3.18), written in the cosine and sine of twice the angle. Between faces of opposite orientation the last of the
+/// numbers changes its sign first. A block of a size that does not fit the kind is the identity.
 pub fn transport_block<const B: usize>(kind: FieldKind, turn: Turn) -> Block<B> {
     let mut block = [[0.0; B]; B];
     for i in 0..B {

@@ -317,8 +317,8 @@ impl Setting {
         Ok((full, bytes))
     }
 
-    /// The field that a request asks for, where `full` are all fields of the surface if [`DesignRequest::needs_full_space`]. Without `coefficients` those
-    /// are missing where they take time of their own.
+    /// The field that a request asks for, where `full` are all fields of the surface if [`DesignRequest::needs_full_space`]. Without `coefficients`
+    /// those are missing where they take time of their own.
     ///
     /// # Errors
     /// [`DesignFault`].
