@@ -103,7 +103,7 @@ pub struct Config {
     #[arg(long, value_name = "ADDRESS", env = "CHLADNI_OBJECTS", requires = "database", help_heading = "Storage")]
     pub objects: Option<String>,
 
-    /// Bytes of decoded bases kept in memory for synchronous solves
+    /// Bytes of decoded bases kept in memory for synchronous solves, and as many of surfaces and factors that fields are designed with
     #[arg(long, value_name = "BYTES", env = "CHLADNI_CACHE_BYTES", default_value = "1GiB", value_parser = bytes, help_heading = "Storage")]
     pub cache_bytes: u64,
 

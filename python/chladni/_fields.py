@@ -104,7 +104,7 @@ def fields(
     Parameters
     ----------
     vertices, faces
-        The mesh, as for `eigs`. It has to be an oriented manifold.
+        The mesh, as for `eigs`. It has to be a manifold, for fields of kind `vector` an oriented one.
     kind : {"vector", "n_vector", "tensor"}
         What lies in a face.
     dimension : int, optional

@@ -139,7 +139,7 @@ impl AppState {
             request_memory: Shares::new(config.limits.max_body_bytes.saturating_mul(2).saturating_add(SMALL_REQUESTS)),
             watchers: Shares::new((config.max_connections / 2).max(1) as u64),
             closing: CancellationToken::new(),
-            fields: FieldCache::new(config.cache_bytes / 2),
+            fields: FieldCache::new(config.cache_bytes),
             solves: pool("synchronous solves", "solve")?,
             solve_turns: Turns::default(),
             slots: Slots::new(SLOTS_PER_CORE * cores()),

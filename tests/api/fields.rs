@@ -1,8 +1,10 @@
 //! Tangential fields: from a job to designed fields, over HTTP with the real solver.
 
 mod eigenfields;
+mod one_sided;
 mod pace;
 mod refusals;
+mod room;
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};

@@ -280,14 +280,14 @@ export interface paths {
          *     ℝ³ or in the frame of the face (`GET /meshes/{id}/frames`); a stroke may be a line of points as well. Everything is sent again with each request:
          *     what does not change is kept by the server, a moved stroke costs one small solve. Send requests over one kept connection.
          *
-         *     On surfaces of up to 100,000 faces the field is the one of least energy among all fields of the surface, by sparse factors that are kept; energies and
-         *     residuals are its own, coefficients are those of the field of the space that is nearest to it, and `error` is how far that is. On larger surfaces, and
-         *     with `"space": "basis"`, it is a field of the space of the basis, which stands for that one: with `error` the answer says how far it is from it, with
+         *     Where the memory that is kept for fields (`--cache-bytes`) holds two sparse factors of the surface the field is the one of least energy among all fields
+         *     of the surface; energies and residuals are its own, coefficients are those of the field of the space that is nearest to it, and `error` is how far that
+         *     is. On larger surfaces, and with `"space": "basis"`, it is a field of the space of the basis, which stands for that one: with `error` the answer says how far it is from it, with
          *     `refine` that one is the answer, to a tolerance. `space` in the answer says which of both it is.
          *
          *     With `Accept: application/octet-stream` the answer is the lifted field as little-endian f32, f16 or octahedral directions (`encoding`), face after
          *     face, with its shape in `Chladni-Rows` and `Chladni-Columns`, the energies in `Chladni-Energies` (harmonic, biharmonic, alignment), the largest
-         *     residual of a constraint in `Chladni-Residual`, `space` in `Chladni-Space` and `error` in `Chladni-Error`. `faces` restricts it to some: 3,000 faces of a sample are 36,000
+         *     residual of a constraint in `Chladni-Residual`, `space` in `Chladni-Space` and, where the request has `error`, that in `Chladni-Error`. `faces` restricts it to some: 3,000 faces of a sample are 36,000
          *     bytes, half of that in f16, a third as octahedral directions, whatever the surface. Which faces a sample has is in `field.faces` of a JSON answer,
          *     and stays the same.
          */
@@ -2337,7 +2337,7 @@ export interface components {
             constraints?: components["schemas"]["Pin"][];
             /**
              * @description Whether to estimate how far the field is from that of least energy among all fields of the surface, as a share of its length. Where that field
-             *     is the answer, the answer tells it in any case.
+             *     is the answer, JSON tells in any case how far the field of the coefficients is from it.
              */
             error?: boolean;
             faces?: components["schemas"]["FacesRequest"] | null;
@@ -2349,8 +2349,8 @@ export interface components {
             refine?: number | null;
             singularities?: components["schemas"]["SingularitiesRequest"] | null;
             /**
-             * @description Which fields the design is the one of least energy of: by default all fields of the surface on surfaces of up to 100,000 faces, beyond those of the
-             *     space of the basis.
+             * @description Which fields the design is the one of least energy of: by default all fields of the surface where there is memory for two sparse factors of it,
+             *     else those of the space of the basis.
              */
             space?: components["schemas"]["DesignSpace"];
             /** @description Where the field should go along, softly. */

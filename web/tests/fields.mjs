@@ -91,6 +91,7 @@ export async function fields(site) {
     const basis = await page.evaluate(() => window.chladni.app.basis.id);
     const answer = await api(`/v1/bases/${basis}/design?numbering=kept&form=world`, body);
     assert.ok(answer.residuals.length === 1 && answer.residuals[0] < 1e-4, `${answer.residuals}`);
+    await panel.getByText(/Energy .*The smoothest of all fields of the surface\./).waitFor();
     await panel.getByRole("button", { name: "Clear" }).click();
     await page.getByRole("slider", { name: "Eigenfield" }).waitFor();
   });

@@ -1,10 +1,11 @@
 //! Designs among all fields of a surface by sparse factors, beside those in the default space: `cargo bench --bench whole_design`. 4-fields, default
 //! weights, random exact constraints. Of each mesh how far the reduced designs are off as shares of length (median and worst of the sets), and
 //! milliseconds of a design of the whole surface: the first, which factors, and the median and the 95th percentile where one constraint of eight
-//! moves from frame to frame.
+//! moves from frame to frame, with coefficients of the space and without. Then what all that takes in megabytes, and of two factors in bytes for each
+//! face, number of a block squared and halving of the surface.
 //!
 //! `CHLADNI_MESHES` is the folder, `CHLADNI_WHOLE_MESHES` names (homer-remeshed-4531.off,cheburashka.obj,armadillo.obj), `CHLADNI_WHOLE_KIND` `vector` in
-//! place of 4-fields.
+//! place of 4-fields, `CHLADNI_WHOLE_DIMENSION` (1000), `CHLADNI_SUBDIVIDED` how often surfaces are subdivided.
 
 use std::time::Instant;
 
@@ -12,6 +13,7 @@ use chladni_base::{SplitMix64, Unwatched};
 use chladni_mesh::check::check;
 use chladni_mesh::read::{MeshFormat, read};
 use chladni_mesh::shape::{Shape, generate};
+use chladni_mesh::subdivide::subdivided;
 use chladni_spectral::field::{
     Constraint, DesignModel, EnergyWeights, FieldParameters, FieldSurface, FullSpace, Hold, field_basis,
 };
@@ -30,7 +32,7 @@ fn main() {
         _ => FieldKind::NVector { n: 4 },
     };
     println!(
-        "| mesh | faces | off, 2 constraints | off, 8 | analysis, ms | first, ms | reduced, ms | median, p95 |\n|---|---|---|---|---|---|---|---|"
+        "| mesh | faces | off, 2 constraints | off, 8 | analysis, ms | first, ms | reduced, ms | median, p95 | the field alone | MB | a face |\n|---|---|---|---|---|---|---|---|---|---|---|"
     );
     for name in names.split(',') {
         let mesh = match name {
@@ -41,12 +43,15 @@ fn main() {
                 check(read(&bytes, format, &Default::default()).unwrap(), &Default::default()).unwrap().mesh
             }
         };
+        let times: usize = setting("CHLADNI_SUBDIVIDED", "0").parse().unwrap();
+        let mesh = (0..times).fold(mesh, |mesh, _| subdivided(&mesh).expect("a surface that can be divided"));
         let surface = FieldSurface::new(mesh).unwrap();
-        let basis = field_basis(&surface, &FieldParameters::new(kind, 1000), &Unwatched).unwrap();
+        let dimension = setting("CHLADNI_WHOLE_DIMENSION", "1000").parse().unwrap();
+        let basis = field_basis(&surface, &FieldParameters::new(kind, dimension), &Unwatched).unwrap();
         let model = DesignModel::new(&basis, &Unwatched).unwrap();
         let ms = |begun: Instant| 1e3 * begun.elapsed().as_secs_f64();
         let begun = Instant::now();
-        let full = FullSpace::new(&surface, kind, FieldBoundary::default(), &Unwatched).unwrap();
+        let full = FullSpace::within(&surface, kind, FieldBoundary::default(), u64::MAX, &Unwatched).unwrap();
         let analysis = ms(begun);
         let weighted = model.weighted(EnergyWeights::default(), None).unwrap();
         let random = |seed: u64, count: usize| -> Vec<Constraint> {
@@ -85,7 +90,7 @@ fn main() {
         };
         let (two, eight) = (off(2), off(8));
         let mut constraints = random(5, 8);
-        let (mut times, mut reduced) = (Vec::new(), Vec::new());
+        let (mut times, mut reduced, mut alone) = (Vec::new(), Vec::new(), Vec::new());
         for _ in 0..FRAMES {
             constraints[0].face = (constraints[0].face + 3) % surface.faces() as u32;
             let begun = Instant::now();
@@ -94,11 +99,19 @@ fn main() {
             let begun = Instant::now();
             least(&constraints);
             times.push(ms(begun));
+            constraints[0].face = (constraints[0].face + 3) % surface.faces() as u32;
+            let begun = Instant::now();
+            weighted.solve_briefly(&basis, &constraints).unwrap();
+            full.least_field(&weighted, &basis, &constraints, &Unwatched).unwrap();
+            alone.push(ms(begun));
         }
         times.sort_by(f64::total_cmp);
+        alone.sort_by(f64::total_cmp);
+        let faces = surface.faces() as f64;
+        let block = kind.block() as f64;
         reduced.sort_by(f64::total_cmp);
         println!(
-            "| {name} | {} | {:.3}, {:.2} | {:.3}, {:.2} | {analysis:.0} | {first:.0} | {:.1} | {:.1}, {:.1} |",
+            "| {name} | {} | {:.3}, {:.2} | {:.3}, {:.2} | {analysis:.0} | {first:.0} | {:.1} | {:.1}, {:.1} | {:.1}, {:.1} | {:.0} | {:.2} |",
             surface.faces(),
             two.0,
             two.1,
@@ -106,7 +119,11 @@ fn main() {
             eight.1,
             reduced[FRAMES / 2],
             times[FRAMES / 2],
-            times[FRAMES * 95 / 100]
+            times[FRAMES * 95 / 100],
+            alone[FRAMES / 2],
+            alone[FRAMES * 95 / 100],
+            full.bytes() as f64 / 1e6,
+            full.bytes_of_factors() as f64 / (block * block * faces * faces.log2())
         );
     }
 }

@@ -375,10 +375,10 @@ fn files_have_the_corners_the_directions_and_how_they_go_on() {
         let edge = (0..3).find(|&k| dual.neighbours(low)[k] as usize == high).unwrap();
         let corners = surface.mesh().faces[low];
         assert_eq!([from as u32, to as u32], [corners[(edge + 1) % 3], corners[(edge + 2) % 3]]);
-        let carried = frames.rotation(dual, low, edge).unwrap();
+        let carried = frames.carry(dual, low, edge).unwrap();
         for k in 0..4 {
             let of = |face: usize, k: usize| frames.from_world(face, [0, 1, 2].map(|i| field[face + 1][3 * k + i]));
-            let there = multiply(carried, of(high, (k + turn) % 4));
+            let there = carried.of(of(high, (k + turn) % 4));
             assert!(size(minus(there, of(low, k))) < 0.8, "the nearest of four");
         }
     }

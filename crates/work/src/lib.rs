@@ -193,7 +193,7 @@ impl JobError {
             Self::Operator(error) => error.kind(),
             Self::Approximation(error) => error.kind(),
             Self::Iteration(error) => error.kind(),
-            Self::Field(FieldError::Surface(_)) => "no-field-surface",
+            Self::Field(FieldError::Surface(_) | FieldError::OneSided { .. }) => "no-field-surface",
             Self::Field(FieldError::Parameter { .. } | FieldError::Weights { .. } | FieldError::Components { .. }) => {
                 "invalid-parameters"
             }

@@ -78,6 +78,10 @@ pub fn judge(
     if parameters.is_hodge() {
         let refused = |reason: String| JobError::Operator(OperatorError::Parameter { name: "operator", reason });
         let surface = FieldSurface::new(mesh.clone()).map_err(|error| refused(error.to_string()))?;
+        surface
+            .dual()
+            .oriented()
+            .map_err(|at| refused(format!("the Hodge–Laplacian takes an oriented surface: {at}")))?;
         return Ok(verify_fields(basis, &surface, monitor)?);
     }
     let operator = parameters.assemble(mesh, solid, monitor)?;

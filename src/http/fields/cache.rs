@@ -27,7 +27,10 @@ impl Weighter<String, (Entry, u64)> for ByBytes {
 }
 
 /// What outlives a request.
-pub struct FieldCache(Option<Cache<String, (Entry, u64), ByBytes>>);
+pub struct FieldCache {
+    kept: Option<Cache<String, (Entry, u64), ByBytes>>,
+    bytes: u64,
+}
 
 impl std::fmt::Debug for FieldCache {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -39,7 +42,13 @@ impl FieldCache {
     /// A cache of so many bytes. One shard: with more, each would hold its part only, and a large surface would fit in none.
     pub fn new(bytes: u64) -> Self {
         let options = OptionsBuilder::new().shards(1).estimated_items_capacity(64).weight_capacity(bytes).build();
-        Self(options.ok().map(|options| Cache::with_options(options, ByBytes, Default::default(), Default::default())))
+        let made = |options| Cache::with_options(options, ByBytes, Default::default(), Default::default());
+        Self { kept: options.ok().map(made), bytes }
+    }
+
+    /// The bytes that factors of one surface may take: what would be thrown out as soon as it is made is no use to a design.
+    pub fn room(&self) -> u64 {
+        self.bytes / 4 * 3
     }
 
     /// What lies at a key, or what is made now, with the bytes that it takes. One key, one type.
@@ -53,7 +62,7 @@ impl FieldCache {
             let (value, bytes) = make.await?;
             Ok::<_, Problem>((Arc::new(value) as Entry, bytes))
         };
-        let found = match self.0.as_ref().map(|cache| (cache, cache.get(&key))) {
+        let found = match self.kept.as_ref().map(|cache| (cache, cache.get(&key))) {
             Some((_, Some((found, _)))) => found,
             absent => {
                 // Whoever makes it, and whoever waits for what another one makes.

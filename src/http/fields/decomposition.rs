@@ -91,6 +91,7 @@ impl From<PoissonError> for Problem {
             PoissonError::Factor(FactorError::Promise { .. }) => {
                 Self::within(&problem::INVALID_DESIGN, "memory", sentence(&error))
             }
+            PoissonError::OneSided(_) => Self::new(&problem::NO_FIELD_SURFACE, sentence(&error)),
             PoissonError::Flat { face, .. } => {
                 Self::new(&problem::NO_FIELD_SURFACE, sentence(&error)).with("face", face)
             }

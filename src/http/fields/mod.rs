@@ -50,7 +50,9 @@ impl From<FieldError> for Problem {
     fn from(error: FieldError) -> Self {
         let text = super::convert::sentence(&error);
         match error {
-            FieldError::Surface(_) | FieldError::Operator(_) => Self::new(&problem::NO_FIELD_SURFACE, text),
+            FieldError::Surface(_) | FieldError::OneSided { .. } | FieldError::Operator(_) => {
+                Self::new(&problem::NO_FIELD_SURFACE, text)
+            }
             other => Self::internal(other),
         }
     }
@@ -123,6 +125,7 @@ impl From<PrescribedError> for Problem {
     fn from(error: PrescribedError) -> Self {
         let text = super::convert::sentence(&error);
         match error {
+            PrescribedError::OneSided(_) => Self::new(&problem::NO_FIELD_SURFACE, text),
             PrescribedError::Poisson(_) | PrescribedError::Periods(_) => Self::internal(error),
             _ => Self::within(&problem::INVALID_DESIGN, "singularities", text),
         }

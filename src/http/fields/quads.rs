@@ -199,6 +199,7 @@ impl From<QuadError> for Problem {
     fn from(error: QuadError) -> Self {
         let text = sentence(&error);
         match error {
+            QuadError::OneSided(_) => Self::new(&problem::NO_FIELD_SURFACE, text),
             QuadError::NoDirection { face } => {
                 Self::within(&problem::INVALID_DESIGN, "direction", text).with("face", face)
             }

@@ -24,8 +24,9 @@ use crate::http::problem::{self, Problem};
 /// How long fields are refined within a request.
 pub const PATIENCE: Duration = Duration::from_secs(60);
 
-/// About the bytes of all levels for each face and number of a block of them.
-const LEVEL_BYTES: u64 = 150;
+/// About the bytes that are held for each face and number of a block of it while an operator is assembled and ordered for its factors, or its levels
+/// are made.
+const MAKING_BYTES: u64 = 150;
 
 /// Vectors of the whole surface that a refinement holds at once.
 const VECTORS: u64 = 16;
@@ -65,7 +66,7 @@ impl LoadedBasis {
             None => find_kind(state, id, ProductKind::FieldBasis).await?.mesh,
         };
         let surface = cache::surface(state, &mesh).await?;
-        Ok(Self { id: id.to_string(), mesh, setting: Setting::new(fields, surface)? })
+        Ok(Self { id: id.to_string(), mesh, setting: Setting::new(fields, surface)?.with_room(state.fields.room()) })
     }
 }
 
@@ -74,6 +75,19 @@ impl LoadedBasis {
 /// # Errors
 /// `invalid-design/…` names what does not fit.
 pub async fn design(state: &ClientState, loaded: &LoadedBasis, request: &DesignRequest) -> Result<Designed, Problem> {
+    design_with(state, loaded, request, true).await
+}
+
+/// The same without coefficients where those take time of their own.
+///
+/// # Errors
+/// Those of [`design`].
+pub async fn design_with(
+    state: &ClientState,
+    loaded: &LoadedBasis,
+    request: &DesignRequest,
+    coefficients: bool,
+) -> Result<Designed, Problem> {
     request.check()?;
     let (weights, full) = (request.weights, request.weights.full_biharmonic());
     let model = if full { full_energy_model(state, loaded).await? } else { loaded.model() };
@@ -105,22 +119,21 @@ pub async fn design(state: &ClientState, loaded: &LoadedBasis, request: &DesignR
         Arc::new(loaded.weighted(&model, weights, goal)?)
     };
     let (block, faces) = (loaded.kind().block() as u64, loaded.surface.surface.faces() as u64);
-    let full: Option<Arc<FullSpace>> = match request.needs_full_space(loaded.surface.surface.faces()) {
+    let full: Option<Arc<FullSpace>> = match request.needs_full_space(loaded.has_room()) {
         false => None,
         true => Some(full_space(state, loaded).await?),
     };
     let mut memory = state.memory();
-    if full.is_some() {
-        body::reserve(&mut memory, 8 * VECTORS * block * faces)?;
+    if let Some(full) = &full {
+        // The factors themselves are counted where they are kept.
+        body::reserve(&mut memory, 8 * VECTORS * block * faces + full.bytes_of_making())?;
     }
     let (loaded, request) = (loaded.clone(), request.clone());
     let solve = move |monitor: &dyn Monitor| {
         let _memory = memory;
-        let mut designed = loaded.solve(&weighted, constraints)?;
-        if let Some(full) = full {
-            let patience = Patience::new(Instant::now(), PATIENCE, monitor);
-            loaded.judge(&full, &weighted, &request, &mut designed, &patience).map_err(too_long)?;
-        }
+        let patience = Patience::new(Instant::now(), PATIENCE, monitor);
+        let wanted = (constraints, coefficients);
+        let designed = loaded.answer(full.as_deref(), &weighted, &request, wanted, &patience).map_err(too_long)?;
         Ok(loaded.exactly(exact, designed))
     };
     state.solve("design", solve).await
@@ -133,7 +146,7 @@ pub async fn design(state: &ClientState, loaded: &LoadedBasis, request: &DesignR
 pub async fn full_space(state: &ClientState, loaded: &LoadedBasis) -> Result<Arc<FullSpace>, Problem> {
     let (block, faces) = (loaded.kind().block() as u64, loaded.surface.surface.faces() as u64);
     let own = loaded.clone();
-    let (mut memory, levels) = (state.memory(), LEVEL_BYTES * block * block * faces);
+    let (mut memory, levels) = (state.memory(), MAKING_BYTES * block * block * faces);
     let make = move |monitor: &dyn Monitor| {
         body::reserve(&mut memory, levels)?;
         Ok(own.full_space(monitor)?)
@@ -176,7 +189,7 @@ pub async fn lifted(state: &ClientState, loaded: &LoadedBasis, source: &FieldSou
     let own = loaded.clone();
     if let FieldSource::Design(request) = source {
         request.of_all_faces("field.design")?;
-        let designed = design(state, loaded, request).await?;
+        let designed = design_with(state, loaded, request, false).await?;
         return state.solve("lift", move |_| Ok(own.lifted(&designed)?)).await;
     }
     if let FieldSource::Stored(id) = source {

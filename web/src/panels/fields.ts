@@ -26,6 +26,7 @@ interface Design {
   constraints: Pinned[];
   singularities?: { at: { vertex: number; index: number }[]; weight: number; exact: boolean };
   alignment?: { to: "curvature"; weight: number; per_face?: "anisotropy" };
+  space?: "basis";
 }
 
 /** What an address keeps: what was drawn, in thousandths of the radius, and where the sliders stand. */
@@ -40,6 +41,10 @@ interface State {
 
 /** Glyphs on the screen. */
 const GLYPHS = 2600;
+/** Surfaces of more faces show a field of the space while something moves, and one of all fields of the surface as soon as it rests. */
+const SWIFT = 150_000;
+/** Up to so many faces the page asks how far off a field of the space is. */
+const JUDGED = 600_000;
 /** Points of one stroke that are sent. */
 const POINTS = 60;
 const ROSE = 0xc2185b;
@@ -70,6 +75,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
   const kind = () => parameters()?.field ?? "vector";
   const order = () => (kind() === "n_vector" ? (parameters()?.n ?? 4) : kind() === "tensor" ? 2 : 1);
   const aligned = () => order() % 2 === 0;
+  const faces = () => app.mesh?.report.faces ?? 0;
 
   const design = (): Design => {
     const pull = alignment.control.valueAsNumber;
@@ -143,15 +149,15 @@ export function fieldsPanel(app: App, look: Look): Panel {
     return { basis, values: nothing(wish) ? await eigenfield(basis, which.control.valueAsNumber, "frames") : await postNumbers(`${basis.links.self}/design?form=frames`, wish) };
   };
 
-  const update = () => {
+  const update = (moving = false) => {
     const basis = app.basis;
     if (!basis) return;
     keep();
-    const free = nothing(design());
-    which.element.hidden = !free;
+    const wish = design();
+    which.element.hidden = !nothing(wish);
     showStrokes();
     lines(null);
-    send({ basis, wish: design() });
+    send({ basis, wish: moving && faces() > SWIFT ? { ...wish, space: "basis" } : wish });
   };
 
   // --- what is told once a stroke has ended ---------------------------------------------------------------------------------
@@ -162,8 +168,8 @@ export function fieldsPanel(app: App, look: Look): Panel {
     const wanted = singular.reduce((sum, { index }) => sum + index, 0);
     if (singular.length > 0 && !balanced()) facts.textContent = `The indices add up to ${brief(wanted)} so far; on this surface they have to make ${app.mesh?.report.euler_characteristic}.`;
     if (nothing(wish)) return;
-    const answer = await post<{ singularities: { vertex: number; index: number }[]; index_sum: number; euler_characteristic: number; harmonic_energy: number; matching: unknown[] | null }>(
-      `${basis.links.self}/design?singularities=true`, wish);
+    const answer = await post<{ singularities: { vertex: number; index: number }[]; index_sum: number; euler_characteristic: number; harmonic_energy: number; matching: unknown[] | null; space: string; error: number | null }>(
+      `${basis.links.self}/design?singularities=true`, wish.singularities || faces() > JUDGED ? wish : { ...wish, error: true });
     const surface = app.viewer.surface;
     if (app.basis !== basis || app.panel !== panel || !surface) return;
     const found = answer.singularities;
@@ -172,10 +178,13 @@ export function fieldsPanel(app: App, look: Look): Panel {
     ]), 0.014 * app.viewer.radius));
     if (balanced() || singular.length === 0) {
       facts.replaceChildren(h("b", {}, plural(found.length, "singularity", "singularities")),
-        `, indices sum to ${brief(answer.index_sum)} (Euler characteristic ${answer.euler_characteristic})${found.length ? ": orange turns with the way around, blue against it" : ""}. Energy ${brief(answer.harmonic_energy)}.${wish.singularities?.exact ? " Exactly those that were asked for, and no others." : ""}${answer.matching?.length ? ` Across ${plural(answer.matching.length, "edge")} the field turns by more than half a turn.` : ""}`);
+        `, indices sum to ${brief(answer.index_sum)} (Euler characteristic ${answer.euler_characteristic})${found.length ? ": orange turns with the way around, blue against it" : ""}. Energy ${brief(answer.harmonic_energy)}.${wish.singularities?.exact ? " Exactly those that were asked for, and no others." : ""}${answer.matching?.length ? ` Across ${plural(answer.matching.length, "edge")} the field turns by more than half a turn.` : ""}${whose(answer)}`);
     }
     document.body.dataset.singular = String(found.length);
   }, app.fail);
+  /** Of which fields it is the one of least energy. */
+  const whose = ({ space, error }: { space: string; error: number | null }) =>
+    space === "surface" ? " The smoothest of all fields of the surface." : error === null ? "" : ` The smoothest field of this space, ${brief(100 * error)} % off that of the surface: a larger space comes closer.`;
   const settled = () => {
     const basis = app.basis;
     if (!basis) return;
@@ -190,11 +199,11 @@ export function fieldsPanel(app: App, look: Look): Panel {
     app.kept.lines = null;
     if (glyphs) glyphs.object.visible = object === null;
   };
-  const source = async (basis: Basis, wish: Design) =>
-    nothing(wish) ? { eigenfield: which.control.valueAsNumber } : { coefficients: (await post<{ coefficients: number[] }>(`${basis.links.self}/design`, wish)).coefficients };
+  // Not by its coefficients: a field of the whole surface is none of the space.
+  const source = (wish: Design) => (nothing(wish) ? { eigenfield: which.control.valueAsNumber } : { design: wish });
   const trace = latest<{ basis: Basis; wish: Design }>(async ({ basis, wish }) => {
     const begin = performance.now();
-    const field = await source(basis, wish);
+    const field = source(wish);
     if (shown === "fur") {
       const numbers = await postNumbers(`${basis.links.self}/fur`, { field, length: 0.07 * app.viewer.radius, tilt: 1.2, full: 0.5 });
       if (app.basis !== basis || app.panel !== panel || shown !== "fur") return;
@@ -238,7 +247,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
       if (phase === "begin") pins.push({ from: hit.point, to: hit.point });
       else {
         pins[pins.length - 1].to = hit.point;
-        update();
+        update(true);
       }
       return true;
     }
@@ -254,7 +263,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
     if (step < 0.012 * app.viewer.radius) return true;
     points.push(hit.point);
     if (points.length > POINTS) strokes.push([hit.point]);
-    if (points.length > 1) update();
+    if (points.length > 1) update(true);
     return true;
   };
   const onStrokeEnd = () => {
@@ -288,7 +297,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
     settled();
   };
   const knob = (label: string, range: { min: number; max: number; step: number; value: number }, format: (value: number) => string, hint: string) => {
-    const made = slider(label, range, update, format, hint);
+    const made = slider(label, range, () => update(true), format, hint);
     made.control.addEventListener("change", release);
     return made;
   };

@@ -1,7 +1,7 @@
-//! The dual graph of an oriented surface: faces are its nodes, shared edges its edges.
+//! The dual graph of a surface: faces are its nodes, shared edges its edges.
 //!
-//! Edge `k` of a face lies opposite to its corner `k` and runs from corner `k + 1` to corner `k + 2`. Two neighbours run along their
-//! shared edge in opposite directions.
+//! Edge `k` of a face lies opposite to its corner `k` and runs from corner `k + 1` to corner `k + 2`. Two neighbours of one orientation run along
+//! their shared edge in opposite directions; on a surface that is not orientable some do not.
 
 mod grow;
 #[cfg(test)]
@@ -51,16 +51,6 @@ pub enum DualError {
         /// How many faces meet there.
         faces: usize,
     },
-    /// Two faces run along their shared edge in the same direction: the surface is not orientable, or not oriented.
-    #[error("faces {} and {} run along the edge from vertex {from} to vertex {to} in the same direction: a field needs an oriented surface", faces[0], faces[1])]
-    Orientation {
-        /// The lower vertex.
-        from: u32,
-        /// The higher vertex.
-        to: u32,
-        /// The two faces.
-        faces: [u32; 2],
-    },
     /// The faces around a vertex form more than one fan.
     #[error("the faces around vertex {vertex} form more than one fan: a field needs a manifold surface")]
     NonManifoldVertex {
@@ -69,7 +59,19 @@ pub enum DualError {
     },
 }
 
-/// Who is next to whom among the faces of an oriented manifold surface, with or without boundary.
+/// Where a surface shows that it has no two sides, or that its faces do not agree about them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("faces {} and {} run along the edge from vertex {from} to vertex {to} in the same direction", faces[0], faces[1])]
+pub struct OneSided {
+    /// The lower vertex.
+    pub from: u32,
+    /// The higher vertex.
+    pub to: u32,
+    /// The two faces.
+    pub faces: [u32; 2],
+}
+
+/// Who is next to whom among the faces of a manifold surface, with or without boundary. It need not be orientable.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DualGraph {
     neighbours: Vec<[u32; 3]>,
@@ -78,6 +80,9 @@ pub struct DualGraph {
     lengths: Vec<[f32; 3]>,
     first_corners: Vec<u32>,
     vertices: usize,
+    /// Whether the neighbour across an edge has the opposite orientation; empty where all have the same.
+    mirrored: Vec<[bool; 3]>,
+    one_sided: Option<OneSided>,
 }
 
 impl DualGraph {
@@ -85,7 +90,7 @@ impl DualGraph {
     /// on the surface scaled to unit area.
     ///
     /// # Errors
-    /// [`DualError`] names the edge or the vertex at which the mesh is no oriented manifold.
+    /// [`DualError`] names the edge or the vertex at which the mesh is no manifold.
     pub fn new(mesh: &TriangleMesh) -> Result<Self, DualError> {
         let (n, f) = (mesh.positions.len(), mesh.faces.len());
         if f == 0 {
@@ -110,6 +115,8 @@ impl DualGraph {
             lengths: vec![[0.0; 3]; f],
             first_corners: vec![u32::MAX; n],
             vertices: n,
+            mirrored: Vec::new(),
+            one_sided: None,
         };
         graph.join_faces(mesh)?;
         graph.find_fans(mesh)?;
@@ -136,7 +143,10 @@ impl DualGraph {
                 [one, two] => {
                     let ((a, i), (b, j)) = (place(half_edge(one)), place(half_edge(two)));
                     if runs_down(one) == runs_down(two) {
-                        error = Some(DualError::Orientation { from, to, faces: [a.min(b), a.max(b)] });
+                        self.one_sided.get_or_insert(OneSided { from, to, faces: [a.min(b), a.max(b)] });
+                        self.mirrored.resize(self.neighbours.len(), [false; 3]);
+                        self.mirrored[a as usize][i] = true;
+                        self.mirrored[b as usize][j] = true;
                     }
                     self.edges[a as usize][i] = edge;
                     self.edges[b as usize][j] = edge;
@@ -162,38 +172,58 @@ impl DualGraph {
                 return Err(DualError::NonManifoldVertex { vertex });
             }
             // Clockwise to the boundary, or once around.
-            let mut first = corner as u32;
-            while let Some(before) = self.step(mesh, first, false).filter(|&before| before != corner as u32) {
+            let mut first = (corner as u32, false);
+            while let Some(before) = self.step(mesh, first, false).filter(|before| before.0 != corner as u32) {
                 first = before;
             }
-            self.first_corners[vertex as usize] = first;
-            let mut at = Some(first);
-            while let Some(here) = at.filter(|&here| !seen[here as usize]) {
-                seen[here as usize] = true;
+            self.first_corners[vertex as usize] = first.0;
+            let mut at = Some((first.0, self.begins_turned(first.0)));
+            while let Some(here) = at.filter(|here| !seen[here.0 as usize]) {
+                seen[here.0 as usize] = true;
                 at = self.step(mesh, here, true);
             }
         }
         Ok(())
     }
 
-    /// The next corner at the same vertex, counter-clockwise or clockwise; corners are numbered `3 · face + k`.
-    fn step(&self, mesh: &TriangleMesh, corner: u32, counter_clockwise: bool) -> Option<u32> {
+    /// Whether the fan that begins at a corner runs clockwise as its face sees it: it has to run away from the boundary.
+    fn begins_turned(&self, corner: u32) -> bool {
+        let (own, k) = (self.neighbours[corner as usize / 3], corner as usize % 3);
+        own[(k + 1) % 3] == NO_FACE && own[(k + 2) % 3] != NO_FACE
+    }
+
+    /// The next corner at the same vertex, counter-clockwise or clockwise, as the first face of the fan sees it; corners are numbered `3 · face + k`,
+    /// and with each goes whether its face has the opposite orientation.
+    fn step(&self, mesh: &TriangleMesh, (corner, turned): (u32, bool), counter_clockwise: bool) -> Option<(u32, bool)> {
         let (face, k) = (corner as usize / 3, corner as usize % 3);
         let vertex = mesh.faces[face][k];
-        let next = self.neighbours[face][(k + if counter_clockwise { 1 } else { 2 }) % 3];
+        let across = (k + if counter_clockwise != turned { 1 } else { 2 }) % 3;
+        let next = self.neighbours[face][across];
         let at = mesh.faces.get(next as usize)?.iter().position(|&v| v == vertex)?;
-        Some(3 * next + at as u32)
+        Some((3 * next + at as u32, turned != self.is_mirrored(face, across)))
     }
 
     /// The corners `3 · face + k` at a vertex, counter-clockwise, and whether they close a circle.
     pub fn fan(&self, mesh: &TriangleMesh, vertex: u32, corners: &mut Vec<u32>) -> bool {
+        self.sided_fan(mesh, vertex, corners, |_| {})
+    }
+
+    /// The same, with for each corner whether its face has the orientation opposite to that in which the fan runs counter-clockwise.
+    pub fn sided_fan(
+        &self,
+        mesh: &TriangleMesh,
+        vertex: u32,
+        corners: &mut Vec<u32>,
+        mut turned: impl FnMut(bool),
+    ) -> bool {
         corners.clear();
         let Some(&first) = self.first_corners.get(vertex as usize).filter(|&&c| c != u32::MAX) else { return false };
-        let mut at = first;
+        let mut at = (first, self.begins_turned(first));
         loop {
-            corners.push(at);
+            corners.push(at.0);
+            turned(at.1);
             match self.step(mesh, at, true) {
-                Some(next) if next == first => return true,
+                Some((next, _)) if next == first => return true,
                 // A fan has at most as many corners as there are faces, whatever mesh is passed in.
                 Some(next) if corners.len() <= self.faces() => at = next,
                 _ => return false,
@@ -204,7 +234,7 @@ impl DualGraph {
     fn measure(&mut self, mesh: &TriangleMesh) {
         let area = surface_area(mesh);
         let unit = if area > 0.0 && area.is_finite() { 1.0 / area.sqrt() } else { 1.0 };
-        let (neighbours, edges) = (&self.neighbours, &self.edges);
+        let (neighbours, edges, mirrored) = (&self.neighbours, &self.edges, &self.mirrored);
         self.lengths.par_iter_mut().with_min_len(1 << 12).enumerate().for_each(|(f, lengths)| {
             for k in 0..3 {
                 let g = neighbours[f][k];
@@ -219,7 +249,9 @@ impl DualGraph {
                 let (s, h) = barycentre(mesh, lower.0, lower.1);
                 let (t, i) = barycentre(mesh, upper.0, upper.1);
                 let length = edge_length(mesh, lower.0, lower.1);
-                let straight = (length - t - s).hypot(h + i) * unit;
+                // Two faces of one orientation run along their edge in opposite directions.
+                let along = if mirrored.get(f).is_some_and(|own| own[k]) { t } else { length - t };
+                let straight = (along - s).hypot(h + i) * unit;
                 lengths[k] = if straight.is_finite() { straight as f32 } else { 0.0 };
             }
         });
@@ -264,6 +296,20 @@ impl DualGraph {
     #[inline]
     pub fn lengths(&self, face: usize) -> [f32; 3] {
         self.lengths[face]
+    }
+
+    /// Whether the neighbour across edge `k` of a face has the opposite orientation: both run along that edge in the same direction.
+    #[inline]
+    pub fn is_mirrored(&self, face: usize, k: usize) -> bool {
+        self.mirrored.get(face).is_some_and(|own| own[k])
+    }
+
+    /// Whether all faces agree about the sides of the surface.
+    ///
+    /// # Errors
+    /// [`OneSided`] names the first edge where they do not.
+    pub fn oriented(&self) -> Result<(), OneSided> {
+        self.one_sided.map_or(Ok(()), Err)
     }
 
     /// Which edge of `neighbour` is edge `edge` of the mesh.

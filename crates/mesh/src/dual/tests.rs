@@ -1,7 +1,7 @@
 use chladni_base::Unwatched;
 
 use super::*;
-use crate::fixtures::{grid, sphere, union};
+use crate::fixtures::{grid, klein_bottle, moebius, projective_plane, sphere, turned_over, union};
 use crate::sample::farthest_points;
 use crate::shape::{Shape, generate};
 
@@ -66,7 +66,7 @@ fn euler_characteristics_components_and_fans_are_right() {
 }
 
 #[test]
-fn what_is_no_oriented_manifold_is_named() {
+fn what_is_no_manifold_is_named() {
     let square = |faces: Vec<[u32; 3]>| TriangleMesh {
         positions: (0..7).map(|i| [f64::from(i), f64::from(i * i), f64::from(i % 2)]).collect(),
         faces,
@@ -74,11 +74,54 @@ fn what_is_no_oriented_manifold_is_named() {
     };
     let fail = |faces| DualGraph::new(&square(faces)).unwrap_err();
     assert_eq!(fail(vec![[0, 1, 2], [1, 0, 3], [0, 1, 4]]), DualError::NonManifoldEdge { from: 0, to: 1, faces: 3 });
-    assert_eq!(fail(vec![[0, 1, 2], [0, 1, 3]]), DualError::Orientation { from: 0, to: 1, faces: [0, 1] });
+    let both = DualGraph::new(&square(vec![[0, 1, 2], [0, 1, 3]])).unwrap();
+    assert_eq!(both.oriented(), Err(OneSided { from: 0, to: 1, faces: [0, 1] }));
     assert_eq!(fail(vec![[0, 1, 2], [0, 3, 4]]), DualError::NonManifoldVertex { vertex: 0 });
     assert_eq!(fail(vec![[0, 1, 9]]), DualError::Face { face: 0, vertex: 9, vertices: 7 });
     assert_eq!(fail(vec![[0, 1, 1]]), DualError::Face { face: 0, vertex: 1, vertices: 7 });
     assert_eq!(fail(vec![]), DualError::Empty);
+}
+
+#[test]
+fn faces_that_are_turned_over_have_the_same_neighbours_distances_and_fans() {
+    for mesh in [sphere(8), grid(7)] {
+        let other = turned_over(&mesh, |face| face % 3 == 1 || face % 7 == 2);
+        let (graph, turned) = (DualGraph::new(&mesh).unwrap(), DualGraph::new(&other).unwrap());
+        assert!(graph.oriented().is_ok() && turned.oriented().is_err());
+        let sorted = |graph: &DualGraph, face: usize| {
+            let mut own: Vec<(u32, u32)> =
+                graph.neighbours(face).into_iter().zip(graph.lengths(face).map(|l| (l * 1e6).round() as u32)).collect();
+            own.sort_unstable();
+            own
+        };
+        assert!((0..graph.faces()).all(|face| sorted(&graph, face) == sorted(&turned, face)));
+        let (mut corners, mut others) = (Vec::new(), Vec::new());
+        for vertex in 0..mesh.positions.len() as u32 {
+            let mut sides = Vec::new();
+            let closed = graph.fan(&mesh, vertex, &mut corners);
+            assert_eq!(turned.sided_fan(&other, vertex, &mut others, |side| sides.push(side)), closed);
+            let around = |corners: &[u32]| corners.iter().map(|c| c / 3).collect::<Vec<_>>();
+            let (around, mut there) = (around(&corners), around(&others));
+            // Sides are those of the faces that were turned over, or of all others.
+            let over = |face: u32| face % 3 == 1 || face % 7 == 2;
+            assert!(there.iter().zip(&sides).all(|(&f, &side)| (over(f) == over(there[0])) == (side == sides[0])));
+            // The same circle or path, from some place on and one way or the other.
+            if over(there[0]) != sides[0] {
+                there.reverse();
+            }
+            let begin = there.iter().position(|&f| f == around[0]).unwrap();
+            assert!(closed || begin == 0);
+            there.rotate_left(begin);
+            assert_eq!(there, around);
+        }
+    }
+    for (mesh, characteristic, closed) in
+        [(moebius(20, 4), 0, false), (klein_bottle(24, 12), 0, true), (projective_plane(6), 1, true)]
+    {
+        let graph = DualGraph::new(&mesh).unwrap();
+        assert_eq!((graph.euler_characteristic(), graph.is_closed()), (characteristic, closed));
+        assert!(graph.oriented().is_err() && graph.components().1 == 1);
+    }
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use chladni_algebra::{BlockMatrix, GalerkinError, MassMatrix, SparseMatrix, galerkin};
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::TriangleMesh;
-use chladni_mesh::dual::{DualError, DualGraph};
+use chladni_mesh::dual::{DualError, DualGraph, OneSided};
 use chladni_mesh::sample::{farthest_points, sort_spatially};
 
 use crate::basis::{FieldBasis, FieldSpace};
@@ -19,6 +19,9 @@ use super::local::{self, LocalEigenfields};
 use super::poisson::PoissonError;
 use super::space::from_columns;
 
+/// Why vector fields do not live on surfaces with one side.
+pub(crate) const HODGE: &str = "\"vector\" fields have the Hodge–Laplacian, whose curl takes an oriented surface, which those of \"n_vector\", with \"n\": 1 for vectors, do not need:";
+
 /// A surface that fields can live on: a mesh, its dual graph and its frames.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FieldSurface {
@@ -31,7 +34,7 @@ impl FieldSurface {
     /// Builds graph and frames.
     ///
     /// # Errors
-    /// [`FieldError`] names the edge or vertex where the mesh is no oriented manifold, or what else is wrong with it.
+    /// [`FieldError`] names the edge or vertex where the mesh is no manifold, or what else is wrong with it.
     pub fn new(mesh: TriangleMesh) -> Result<Self, FieldError> {
         let dual = DualGraph::new(&mesh)?;
         let frames = FaceFrames::new(&mesh)?;
@@ -56,6 +59,14 @@ impl FieldSurface {
     /// The number of faces.
     pub fn faces(&self) -> usize {
         self.mesh.faces.len()
+    }
+
+    /// Whether all faces agree about the sides of the surface, which `what` needs.
+    ///
+    /// # Errors
+    /// [`FieldError::OneSided`] names the first edge where they do not.
+    pub fn sides(&self, what: &'static str) -> Result<(), FieldError> {
+        self.dual.oriented().map_err(|at| FieldError::OneSided { what, at })
     }
 }
 
@@ -123,9 +134,17 @@ impl FieldParameters {
 /// Why there is no basis.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FieldError {
-    /// The mesh is no oriented manifold.
+    /// The mesh is no manifold.
     #[error(transparent)]
     Surface(#[from] DualError),
+    /// The surface has one side, or its faces do not agree about two.
+    #[error("{what} {at}")]
+    OneSided {
+        /// What needs sides, and that it does.
+        what: &'static str,
+        /// Where they do not agree.
+        at: OneSided,
+    },
     /// The mesh has no operator.
     #[error(transparent)]
     Operator(#[from] OperatorError),
@@ -218,6 +237,9 @@ pub fn field_basis(
 
 fn check(surface: &FieldSurface, parameters: &FieldParameters) -> Result<(), FieldError> {
     check_kind(parameters.field)?;
+    if let FieldKind::Vector {} = parameters.field {
+        surface.sides(HODGE)?;
+    }
     let (block, faces) = (parameters.field.block(), surface.faces());
     let most = block * faces;
     if !(block..=most).contains(&parameters.dimension) {

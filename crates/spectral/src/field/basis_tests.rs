@@ -132,13 +132,14 @@ fn parameters_out_of_range_and_cancelled_work_are_reported() {
 }
 
 #[test]
-fn surfaces_without_orientation_are_named() {
+fn vector_fields_name_where_a_surface_has_no_sides() {
     let mesh = TriangleMesh {
         positions: vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
         faces: vec![[0, 1, 2], [0, 1, 3]],
         ..Default::default()
     };
-    let error = FieldSurface::new(mesh).unwrap_err();
+    let surface = FieldSurface::new(mesh).unwrap();
+    let error = field_basis(&surface, &FieldParameters::new(FieldKind::Vector {}, 4), &Unwatched).unwrap_err();
     assert!(error.to_string().contains("from vertex 0 to vertex 1"), "{error}");
 }
 

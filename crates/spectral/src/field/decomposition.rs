@@ -57,6 +57,7 @@ impl HodgeDecomposition {
     /// [`PoissonError`]: a matrix that cannot be factored, or cancellation.
     pub fn new(surface: &FieldSurface, boundary: FieldBoundary, monitor: &dyn Monitor) -> Result<Self, PoissonError> {
         let (mesh, dual) = (surface.mesh(), surface.dual());
+        dual.oriented()?;
         let normal = boundary == FieldBoundary::Normal;
         let held = if normal { rim(surface) } else { vec![false; mesh.positions.len()] };
         let vertex = |v: u32| if held[v as usize] { HELD } else { v };

@@ -1,5 +1,5 @@
-//! Sparse factors of `S + γM` on all faces: on surfaces of up to [`MOST_FACES`] faces they take the place of multigrid cycles, and a field is designed
-//! among all in the time of two substitutions (see [`super::least`]).
+//! Sparse factors of `S + γM` on all faces: where there is room for them they take the place of multigrid cycles, and a field is designed among all
+//! in the time of two substitutions (see [`super::least`]).
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -8,11 +8,23 @@ use chladni_algebra::{
     BlockMatrix, ColumnTree, FactorError, FactorNumbers, HalfSolved, MassMatrix, Ordering, ReachTree, Sides,
     SparseMatrix, SymbolicFactor, fill_reducing_order,
 };
+use rayon::prelude::*;
 
+use super::idle::dot;
 use super::pencil::within_surfaces;
+use crate::operator::transport::FieldKind;
 
-/// The most faces of a surface whose operators are factored: beyond, factors take more memory than a server keeps for fields by default.
-pub const MOST_FACES: usize = 100_000;
+/// The bytes that factors may take where nobody says how many there are.
+pub const USUAL_ROOM: u64 = 1 << 30;
+
+/// Bytes of two factors and of what is kept beside them, for each face, number of a block squared and halving of the surface: what scanned surfaces
+/// take, which fill in less than others. Operators that couple the faces around vertices fill in more than four times as much as those that couple
+/// neighbours.
+const EXPECTED: f64 = 18.0;
+const EXPECTED_AROUND_VERTICES: f64 = 80.0;
+
+/// Bytes for each face and number of a block squared that the operator takes beside them, with some fields without energy.
+const BESIDE: f64 = 75.0;
 
 /// From so many faces on, an order by nested dissection saves more than it costs.
 const LARGE: usize = 6000;
@@ -20,11 +32,31 @@ const LARGE: usize = 6000;
 /// The least shift: `S` itself may be singular. Far below the lowest positive eigenvalue of a surface of unit area.
 pub(super) const FLOOR: f64 = 1e-7;
 
-/// So many shifts have their factors kept: those of two choices of weights.
-const KEPT: usize = 4;
+/// So many shifts have their factors kept, those of two choices of weights, where there is room, and those of one where there is not.
+const MOST_KEPT: usize = 4;
+const LEAST_KEPT: usize = 2;
 
-/// Of so many faces the halves of solves are kept, for each shift.
-const KEPT_HALVES: usize = 512;
+/// Halves of solves are kept, for each shift, up to this share of the bytes of its factor.
+const HALVES: u64 = 16;
+
+/// About the bytes that all fields of a surface take at least that fills in as scans do, before anything is known of it: an operator, two factors,
+/// and what is kept beside them.
+pub(super) fn expected_bytes(kind: FieldKind, faces: usize) -> f64 {
+    let (faces, block) = (faces.max(2) as f64, kind.block() as f64);
+    let each = if kind == (FieldKind::Vector {}) { EXPECTED_AROUND_VERTICES } else { EXPECTED };
+    block * block * faces * (each * faces.log2() + BESIDE)
+}
+
+/// The most faces of a surface of which all fields fit into so many bytes with two factors, by what is expected of surfaces. Whether they do is known
+/// when they are analysed.
+pub fn most_factored_faces(kind: FieldKind, room: u64) -> usize {
+    let (mut fits, mut beyond) = (0usize, 1usize << 32);
+    while beyond - fits > 1 {
+        let middle = fits + (beyond - fits) / 2;
+        if expected_bytes(kind, middle) <= room as f64 { fits = middle } else { beyond = middle }
+    }
+    fits
+}
 
 /// The structure of the factors, and those that were made last.
 pub(super) struct Direct<const B: usize> {
@@ -36,22 +68,32 @@ pub(super) struct Direct<const B: usize> {
     tree: ColumnTree,
     reach: ReachTree,
     factors: Mutex<Vec<Arc<ShiftedFactor>>>,
+    /// How many of them are kept.
+    kept: usize,
 }
 
 /// A factor of `S + γM`.
 pub(super) struct ShiftedFactor {
     pub gamma: f64,
     numbers: FactorNumbers,
-    halves: Mutex<HashMap<u32, Arc<HalfSolved>>>,
-    /// Halves of the solves for the images of fields without energy.
-    idle: OnceLock<Vec<Vec<f64>>>,
+    halves: Mutex<Halves>,
+    /// Halves of the solves for the images of fields without energy, and what these solves have in common with the images.
+    idle: OnceLock<(Vec<Vec<f64>>, Vec<Vec<f64>>)>,
+}
+
+/// Halves of solves by the faces that pull, with the bytes that they take.
+#[derive(Default)]
+struct Halves {
+    of: HashMap<u32, Arc<HalfSolved>>,
+    bytes: u64,
 }
 
 impl<const B: usize> Direct<B> {
-    /// Analyses an operator; `None` where the surface is too large, or fills in more than surfaces do.
-    pub fn new(stiffness: &BlockMatrix<B>) -> Option<Self> {
+    /// Analyses an operator, beside which so many bytes are taken; `None` where two factors would take more than is left of `room` bytes, or the
+    /// surface fills in more than surfaces do.
+    pub fn new(kind: FieldKind, stiffness: &BlockMatrix<B>, beside: u64, room: u64) -> Option<Self> {
         let faces = stiffness.rows();
-        if faces > MOST_FACES {
+        if faces > most_factored_faces(kind, room) {
             return None;
         }
         let (mut offsets, mut indices) = (vec![0usize], Vec::with_capacity(stiffness.entries()));
@@ -69,13 +111,27 @@ impl<const B: usize> Direct<B> {
         let pattern = ordered(stiffness, &order, &places);
         let symbolic = SymbolicFactor::new(&pattern, &zeros).ok()?;
         within_surfaces(symbolic.entries(), pattern.entries(), faces).ok()?;
+        let kept = (LEAST_KEPT..=MOST_KEPT).rev().find(|&kept| beside + bytes_of(&symbolic, kept) <= room)?;
         let (tree, reach) = (ColumnTree::new(&symbolic), ReachTree::new(&symbolic));
-        Some(Self { order, places, symbolic, tree, reach, factors: Mutex::default() })
+        Some(Self { order, places, symbolic, tree, reach, factors: Mutex::default(), kept })
     }
 
-    /// About the bytes that it takes, with two factors: what one choice of weights takes.
+    /// About the bytes that it takes at most, with all factors and halves that are kept.
     pub fn bytes(&self) -> u64 {
-        (18 * self.symbolic.entries() + 64 * self.symbolic.size()) as u64
+        bytes_of(&self.symbolic, self.kept)
+    }
+
+    /// The same with the factors of one choice of weights.
+    pub fn bytes_of_two(&self) -> u64 {
+        bytes_of(&self.symbolic, LEAST_KEPT)
+    }
+
+    /// About the bytes that are held only while the first factors are made, until they are there: a matrix, and what fronts hand on.
+    pub fn bytes_of_making(&self) -> u64 {
+        if self.factors.lock().unwrap_or_else(PoisonError::into_inner).len() >= LEAST_KEPT {
+            return 0;
+        }
+        4 * self.symbolic.entries() as u64 + 300 * self.symbolic.size() as u64
     }
 
     /// The factor for a shift, which is kept.
@@ -104,7 +160,7 @@ impl<const B: usize> Direct<B> {
         let made = Arc::new(ShiftedFactor { gamma, numbers, halves: Mutex::default(), idle: OnceLock::new() });
         let mut kept = lock();
         kept.insert(0, made.clone());
-        kept.truncate(KEPT);
+        kept.truncate(self.kept);
         Ok(made)
     }
 
@@ -145,7 +201,7 @@ impl<const B: usize> Direct<B> {
         // Taken along now: whoever else designs may clear what is kept before the others are made.
         let mut found: HashMap<u32, Arc<HalfSolved>> = {
             let kept = lock();
-            faces.iter().filter_map(|face| Some((*face, kept.get(face)?.clone()))).collect()
+            faces.iter().filter_map(|face| Some((*face, kept.of.get(face)?.clone()))).collect()
         };
         let mut wanted: Vec<u32> = faces.iter().copied().filter(|face| !found.contains_key(face)).collect();
         wanted.sort_unstable_by_key(|&face| self.places[face as usize]);
@@ -158,18 +214,37 @@ impl<const B: usize> Direct<B> {
         let made = self.reach.eliminate(&self.symbolic, &factor.numbers, &sides);
         let made: Vec<(u32, Arc<HalfSolved>)> = wanted.into_iter().zip(made.into_iter().map(Arc::new)).collect();
         found.extend(made.iter().cloned());
+        let more: u64 = made.iter().map(|half| half.1.bytes()).sum();
         let mut kept = lock();
-        if kept.len() + made.len() > KEPT_HALVES {
-            kept.clear();
+        if kept.bytes + more > 8 * self.symbolic.entries() as u64 / HALVES {
+            *kept = Halves::default();
         }
-        kept.extend(made);
+        kept.bytes += more;
+        kept.of.extend(made);
         faces.iter().map(|face| found[face].clone()).collect()
     }
 
-    /// Halves of the solves for `M z` of each field without energy, once.
-    pub fn idle_halves<'f>(&self, factor: &'f ShiftedFactor, images: &[Vec<f64>]) -> &'f [Vec<f64>] {
-        factor.idle.get_or_init(|| images.iter().map(|image| self.eliminated(factor, image)).collect())
+    /// Halves of the solves for `M z` of each field without energy, and `(M z)ᵀ (S + γM)⁻¹ M z'`, once.
+    pub fn idle_halves<'f>(
+        &self,
+        factor: &'f ShiftedFactor,
+        images: impl FnOnce() -> Vec<Vec<f64>>,
+    ) -> (&'f [Vec<f64>], &'f [Vec<f64>]) {
+        let (halves, square) = factor.idle.get_or_init(|| {
+            let images = images();
+            let halves: Vec<Vec<f64>> = images.par_iter().map(|image| self.eliminated(factor, image)).collect();
+            let solved: Vec<Vec<f64>> = halves.par_iter().map(|half| self.substituted(factor, half.clone())).collect();
+            let square = images.iter().map(|image| solved.iter().map(|x| dot(image, x)).collect()).collect();
+            (halves, square)
+        });
+        (halves, square)
     }
+}
+
+/// Numbers of factors, their halves and their structure: patterns, and vectors of a few numbers a row.
+fn bytes_of(symbolic: &SymbolicFactor, kept: usize) -> u64 {
+    let (entries, size) = (symbolic.entries() as u64, symbolic.size() as u64);
+    kept as u64 * (8 * entries + 8 * entries / HALVES) + 2 * entries + 64 * size
 }
 
 /// A matrix of blocks in an order of its rows.

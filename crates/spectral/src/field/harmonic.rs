@@ -48,6 +48,7 @@ pub fn harmonic_fields(
     boundary: FieldBoundary,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Vec<f64>>, HarmonicError> {
+    surface.dual().oriented().map_err(PoissonError::OneSided)?;
     let tree = DualTree::new(surface);
     let forms = match boundary {
         FieldBoundary::Tangential => closed_forms(surface, &tree),

@@ -15,7 +15,7 @@ use chladni_mesh::dual::{DiskGrower, DualGraph, NO_FACE};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use crate::operator::frames::{FaceFrames, Planar, multiply, normalise};
+use crate::operator::frames::{FaceFrames, Turn};
 use crate::operator::tangential::FieldOperator;
 use crate::operator::transport::{FieldKind, transport_block, turn};
 
@@ -200,7 +200,7 @@ impl<const B: usize> Bumps<'_, B> {
             .collect()
     }
 
-    fn bump(&self, disk: &[(u32, f32)], carried: &[Planar]) -> Column<B> {
+    fn bump(&self, disk: &[(u32, f32)], carried: &[Turn]) -> Column<B> {
         let mut places: Vec<(u32, u32)> = disk.iter().enumerate().map(|(place, f)| (f.0, place as u32)).collect();
         places.sort_unstable();
         let blocks = places
@@ -224,7 +224,7 @@ pub(super) fn carry_frame<const B: usize>(
     frames: &FaceFrames,
     grower: &DiskGrower,
     radius: f32,
-    carried: &mut Vec<Planar>,
+    carried: &mut Vec<Turn>,
 ) {
     carried.clear();
     for (place, &(face, distance)) in grower.disk().iter().enumerate() {
@@ -232,23 +232,18 @@ pub(super) fn carry_frame<const B: usize>(
             break;
         }
         if place == 0 {
-            carried.push([1.0, 0.0]);
+            carried.push(Turn::NONE);
             continue;
         }
-        let mut sum = [0.0; 2];
         let lengths = dual.lengths(face as usize);
-        for (k, neighbour) in dual.neighbours(face as usize).into_iter().enumerate() {
-            if neighbour == NO_FACE {
-                continue;
-            }
-            let before = grower.place(neighbour).filter(|&p| p < place).and_then(|p| carried.get(p));
-            if let (Some(&before), Some(turn)) = (before, turn(operator.kind, dual, frames, face as usize, k)) {
-                let here = multiply(turn, before);
-                let weight = 1.0 / f64::from(lengths[k].max(1e-12));
-                sum = [sum[0] + weight * here[0], sum[1] + weight * here[1]];
-            }
-        }
-        carried.push(normalise(sum));
+        let inside = dual.neighbours(face as usize).into_iter().enumerate().filter(|own| own.1 != NO_FACE);
+        let closer = inside.filter_map(|(k, neighbour)| {
+            let before = grower.place(neighbour).filter(|&p| p < place)?;
+            let turn = turn(operator.kind, dual, frames, face as usize, k)?;
+            Some((1.0 / f64::from(lengths[k].max(1e-12)), turn.after(*carried.get(before)?)))
+        });
+        let mean = Turn::mean(closer);
+        carried.push(mean);
     }
 }
 

@@ -6,7 +6,7 @@ use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::dual::{DualGraph, NO_FACE};
 use rayon::prelude::*;
 
-use crate::operator::frames::{FaceFrames, Planar, conjugate, multiply, normalise};
+use crate::operator::frames::{FaceFrames, Turn};
 use crate::operator::tangential::FieldOperator;
 use crate::operator::transport::{FieldKind, transport_block, turn};
 
@@ -18,7 +18,7 @@ const INTERPOLATION_WEIGHT: f64 = 0.75;
 const UNCOUPLED: f64 = 0.03;
 
 /// A neighbour, and the turn that carries its numbers here.
-type Link = (u32, Planar);
+type Link = (u32, Turn);
 
 /// Neighbours of the nodes of a level.
 pub(super) struct Graph {
@@ -31,7 +31,7 @@ impl Graph {
     pub fn of_faces(kind: FieldKind, dual: &DualGraph, frames: &FaceFrames) -> Self {
         let mut offsets = Vec::with_capacity(dual.faces() + 1);
         offsets.push(0);
-        let turns: Vec<[Option<Planar>; 3]> = (0..dual.faces())
+        let turns: Vec<[Option<Turn>; 3]> = (0..dual.faces())
             .into_par_iter()
             .with_min_len(1 << 12)
             .map(|f| [0, 1, 2].map(|k| turn(kind, dual, frames, f, k)))
@@ -147,7 +147,7 @@ pub(super) fn row_scales<const B: usize>(matrix: &BlockMatrix<B>) -> Vec<f64> {
 struct Aggregates {
     /// The aggregate of each node, and what carries the numbers of its root to the node.
     of: Vec<u32>,
-    carried: Vec<Planar>,
+    carried: Vec<Turn>,
     roots: Vec<u32>,
     count: usize,
 }
@@ -156,15 +156,15 @@ impl Aggregates {
     /// Greedy: a node all of whose `rings` rings are free becomes a root and takes them; what is left joins a neighbour.
     fn new(graph: &Graph, rings: usize) -> Self {
         let n = graph.offsets.len() - 1;
-        let mut made = Self { of: vec![u32::MAX; n], carried: vec![[1.0, 0.0]; n], roots: Vec::new(), count: 0 };
-        let mut patch: Vec<(u32, Planar)> = Vec::new();
+        let mut made = Self { of: vec![u32::MAX; n], carried: vec![Turn::NONE; n], roots: Vec::new(), count: 0 };
+        let mut patch: Vec<(u32, Turn)> = Vec::new();
         let mut seen = vec![u32::MAX; n];
         for node in 0..n {
             if made.of[node] != u32::MAX {
                 continue;
             }
             patch.clear();
-            patch.push((node as u32, [1.0, 0.0]));
+            patch.push((node as u32, Turn::NONE));
             seen[node] = node as u32;
             let (mut begin, mut free) = (0, true);
             'rings: for _ in 0..rings {
@@ -178,7 +178,7 @@ impl Aggregates {
                                 break 'rings;
                             }
                             seen[j as usize] = node as u32;
-                            patch.push((j, multiply(conjugate(turn), carried)));
+                            patch.push((j, turn.inverse().after(carried)));
                         }
                     }
                 }
@@ -191,17 +191,17 @@ impl Aggregates {
         // Orphans join the aggregate of a neighbour, in rounds, so that aggregates grow by one ring at most.
         let mut orphans: Vec<u32> = (0..n as u32).filter(|&i| made.of[i as usize] == u32::MAX).collect();
         while !orphans.is_empty() {
-            let joined: Vec<(u32, u32, Planar)> = orphans
+            let joined: Vec<(u32, u32, Turn)> = orphans
                 .iter()
                 .filter_map(|&i| {
                     let mut links = graph.links(i as usize).iter();
                     let &(j, turn) = links.find(|l| made.of[l.0 as usize] != u32::MAX)?;
-                    Some((i, made.of[j as usize], multiply(turn, made.carried[j as usize])))
+                    Some((i, made.of[j as usize], turn.after(made.carried[j as usize])))
                 })
                 .collect();
             if joined.is_empty() {
                 // A component too small for a patch: its first node becomes a root.
-                made.take(&[(orphans[0], [1.0, 0.0])]);
+                made.take(&[(orphans[0], Turn::NONE)]);
             }
             for (i, aggregate, carried) in joined {
                 made.of[i as usize] = aggregate;
@@ -212,7 +212,7 @@ impl Aggregates {
         made
     }
 
-    fn take(&mut self, patch: &[(u32, Planar)]) {
+    fn take(&mut self, patch: &[(u32, Turn)]) {
         for &(i, carried) in patch {
             self.of[i as usize] = self.count as u32;
             self.carried[i as usize] = carried;
@@ -223,21 +223,20 @@ impl Aggregates {
 
     /// The graph of the aggregates: turns are averaged over the links between two of them.
     fn graph(&self, fine: &Graph) -> Graph {
-        let mut links: Vec<(u32, u32, Planar)> = Vec::new();
+        let mut links: Vec<(u32, u32, Turn)> = Vec::new();
         for i in 0..self.of.len() {
             for &(j, turn) in fine.links(i) {
                 let (a, b) = (self.of[i], self.of[j as usize]);
                 if a != b {
-                    let carried = multiply(turn, self.carried[j as usize]);
-                    links.push((a, b, multiply(conjugate(self.carried[i]), carried)));
+                    let carried = turn.after(self.carried[j as usize]);
+                    links.push((a, b, self.carried[i].inverse().after(carried)));
                 }
             }
         }
         links.sort_by_key(|l| (l.0, l.1));
         let mut graph = Graph { offsets: vec![0; self.count + 1], links: Vec::new() };
         for same in links.chunk_by(|l, r| (l.0, l.1) == (r.0, r.1)) {
-            let sum = same.iter().fold([0.0; 2], |s, l| [s[0] + l.2[0], s[1] + l.2[1]]);
-            graph.links.push((same[0].1, normalise(sum)));
+            graph.links.push((same[0].1, Turn::mean(same.iter().map(|link| (1.0, link.2)))));
             graph.offsets[same[0].0 as usize + 1] += 1;
         }
         for a in 0..self.count {

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::design::{Constraint, Design, DesignError};
 use super::direct::{Direct, ShiftedFactor};
 use super::idle::dot as small_dot;
-use super::refine::{RefineError, Refined};
+use super::refine::{FullSpace, Inner, RefineError, Refined};
 use super::refine_response::{IDLE, Response, Sum, Whole, add, dot};
 use super::weighted::{System, WeightedModel, amounts_of_kernel};
 use crate::basis::FieldBasis;
@@ -77,6 +77,57 @@ fn add_products<const B: usize>(halves: &[std::sync::Arc<HalfSolved>], factor: f
     }
 }
 
+impl FullSpace {
+    /// The field of least energy among all fields under the constraints of a design of the same model, by sparse factors that are kept; strengths of
+    /// constraints are measured by what all fields of the surface resist with, so that the field depends on the reduced space in nothing. Its
+    /// coefficients are those of the field of the space that is nearest to it, where the model has Ritz coordinates, and so is its distance.
+    ///
+    /// `None` where that is for [`refine`](Self::refine): on surfaces whose factors do not fit, beside alignments with weights per
+    /// face or that outweigh the energies, and under more than 128 constraints.
+    ///
+    /// # Errors
+    /// [`RefineError`].
+    pub fn least(
+        &self,
+        weighted: &WeightedModel,
+        basis: &FieldBasis,
+        constraints: &[Constraint],
+        design: &Design,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<Refined>, RefineError> {
+        self.least_with(weighted, basis, constraints, Some(design), monitor)
+    }
+
+    /// The same without what there is to say of the reduced space: coefficients are missing, and the distance is no number.
+    ///
+    /// # Errors
+    /// [`RefineError`].
+    pub fn least_field(
+        &self,
+        weighted: &WeightedModel,
+        basis: &FieldBasis,
+        constraints: &[Constraint],
+        monitor: &dyn Monitor,
+    ) -> Result<Option<Refined>, RefineError> {
+        self.least_with(weighted, basis, constraints, None, monitor)
+    }
+
+    fn least_with(
+        &self,
+        weighted: &WeightedModel,
+        basis: &FieldBasis,
+        constraints: &[Constraint],
+        design: Option<&Design>,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<Refined>, RefineError> {
+        self.check(weighted, basis)?;
+        match &self.inner {
+            Inner::Two(whole) => whole.least(weighted, basis, constraints, design, monitor),
+            Inner::Three(whole) => whole.least(weighted, basis, constraints, design, monitor),
+        }
+    }
+}
+
 impl<const B: usize> Whole<B> {
     /// The field of least energy under the constraints of a design of the same model, the strength of each measured by what all fields of the surface
     /// resist with; `None` where the sum of the energies is no such product, or where there are too many constraints or fields without energy.
@@ -85,7 +136,7 @@ impl<const B: usize> Whole<B> {
         weighted: &WeightedModel,
         basis: &FieldBasis,
         constraints: &[Constraint],
-        design: &Design,
+        design: Option<&Design>,
         monitor: &dyn Monitor,
     ) -> Result<Option<Refined>, RefineError> {
         let (sum, force) = weighted.whole_sum(B * self.mass.len());
@@ -160,8 +211,11 @@ impl<const B: usize> Whole<B> {
             add(&mut field, &own, difference.scale);
             kernel.iter().zip(amounts).for_each(|(z, amount)| add(&mut field, z, amount));
         }
-        let nearest = weighted.nearest(basis, &self.weighed(&field));
-        let coefficients = nearest.unwrap_or_else(|| design.coefficients.clone());
+        let nearest = |design: &Design| {
+            let found = weighted.nearest(basis, &self.weighed(&field));
+            found.unwrap_or_else(|| design.coefficients.clone())
+        };
+        let coefficients = design.map(nearest);
         self.told(weighted, basis, constraints, coefficients, field, 0).map(Some)
     }
 
@@ -226,7 +280,7 @@ struct IdleHalves<'a> {
     /// For each number the products of half of its solve with those for `M z`.
     products: Vec<Vec<f64>>,
     /// `(M z)ᵀ (S + αM)⁻¹ M z'`.
-    square: Vec<Vec<f64>>,
+    square: &'a [Vec<f64>],
     halves: &'a [Vec<f64>],
 }
 
@@ -241,10 +295,10 @@ impl<'a> IdleHalves<'a> {
     ) -> Self {
         if kernel.is_empty() {
             let none = || vec![Vec::new(); B * faces.len()];
-            return Self { values: none(), products: none(), square: Vec::new(), halves: &[] };
+            return Self { values: none(), products: none(), square: &[], halves: &[] };
         }
-        let images: Vec<Vec<f64>> = kernel.iter().map(|field| whole.weighed(field)).collect();
-        let halves = direct.idle_halves(factor, &images);
+        let images = || kernel.iter().map(|field| whole.weighed(field)).collect();
+        let (halves, square) = direct.idle_halves(factor, images);
         let values = faces.iter().flat_map(|&face| (0..B).map(move |i| B * face as usize + i));
         let values = values.map(|at| kernel.iter().map(|field| field[at]).collect()).collect();
         let with = |half: &HalfSolved| {
@@ -252,8 +306,6 @@ impl<'a> IdleHalves<'a> {
             (0..B).map(|i| all.iter().map(|own| own[i]).collect::<Vec<f64>>()).collect::<Vec<_>>()
         };
         let products = own.par_iter().flat_map_iter(|half| with(half)).collect();
-        let solved: Vec<Vec<f64>> = halves.par_iter().map(|half| direct.substituted(factor, half.clone())).collect();
-        let square = images.iter().map(|image| solved.iter().map(|x| small_dot(image, x)).collect()).collect();
         Self { values, products, square, halves }
     }
 

@@ -6,6 +6,7 @@ use chladni_base::Unwatched;
 use chladni_mesh::fixtures::union;
 use chladni_mesh::shape::{Shape, generate, noisy};
 
+use super::direct::expected_bytes;
 use super::*;
 use crate::operator::hodge::FieldBoundary;
 use crate::operator::transport::FieldKind;
@@ -167,4 +168,76 @@ fn designs_on_a_real_surface_with_fingers_are_those_of_cycles_where_the_space_is
     let cycled = p.cycled.refine(&weighted, &p.basis, &constraints, &design, 1e-9, &Unwatched).unwrap();
     println!("homer: reduced off by {:.3}, nearest by {:.3}", cycled.distance, found.distance);
     assert!(p.off(&found.field, &cycled.field) < 1e-7, "{}", p.off(&found.field, &cycled.field));
+}
+
+#[test]
+fn the_field_alone_is_the_same_field() {
+    let surface = FieldSurface::new(generate(Shape::Torus, 400).unwrap()).unwrap();
+    for kind in KINDS {
+        let p = problem(surface.clone(), kind, 60);
+        let weighted = p.model.weighted(EnergyWeights::default(), None).unwrap();
+        let constraints = spread(p.surface.faces(), 5, |_| Hold::Exact);
+        let whole = p.least(&weighted, &constraints).1.unwrap();
+        let alone = p.factored.least_field(&weighted, &p.basis, &constraints, &Unwatched).unwrap().unwrap();
+        assert!(alone.field == whole.field && alone.residuals == whole.residuals);
+        assert_eq!((alone.harmonic_energy, alone.biharmonic_energy), (whole.harmonic_energy, whole.biharmonic_energy));
+        assert!(alone.coefficients.is_empty() && alone.distance.is_nan() && whole.distance > 0.0);
+        // Without coefficients the space refuses what it refuses with them.
+        let brief = p.model.weighted(EnergyWeights::default(), None).unwrap();
+        let twice = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].map(|value| Constraint { face: 3, value, hold: Hold::Exact });
+        let [with, without] =
+            [WeightedModel::solve, WeightedModel::solve_briefly].map(|solve| solve(&brief, &p.basis, &twice));
+        assert!(with.is_err() && without == with, "{kind:?}");
+    }
+}
+
+#[test]
+fn factors_take_no_more_room_than_there_is_and_are_the_same_whatever_is_kept() {
+    let surface = FieldSurface::new(generate(Shape::Torus, 2000).unwrap()).unwrap();
+    let kind = FieldKind::NVector { n: 4 };
+    let p = problem(surface, kind, 60);
+    let (two, boundary) = (p.factored.bytes_of_factors(), FieldBoundary::default());
+    let within = |room: u64| FullSpace::within(&p.surface, kind, boundary, room, &Unwatched).unwrap();
+    // What is expected before anything is known of a surface is at least what this one takes.
+    let expected = (0..300).map(|k| two * (100 + k) / 100).find(|&room| within(room).is_factored());
+    let expected = expected.expect("at most four times what factors take");
+    assert!(most_factored_faces(kind, expected) >= p.surface.faces());
+    assert!(!within(two - 1).is_factored() && !within(0).is_factored());
+    let narrow = within(expected);
+    assert!(narrow.bytes() <= p.factored.bytes());
+    let constraints = spread(p.surface.faces(), 5, |_| Hold::Exact);
+    // More choices of weights than there is room for, one after another and back.
+    for biharmonic in [0.05, 0.01, 0.2, 0.05] {
+        let weighted = p.model.weighted(EnergyWeights { harmonic: 1.0, biharmonic }, None).unwrap();
+        let own = narrow.least_field(&weighted, &p.basis, &constraints, &Unwatched).unwrap().unwrap();
+        assert!(own.field == p.least(&weighted, &constraints).1.unwrap().field);
+    }
+}
+
+#[test]
+fn what_is_expected_of_factors_is_the_least_that_scans_take() {
+    let Some(folder) = std::env::var_os("CHLADNI_MESHES") else { return };
+    let mut shares = Vec::new();
+    for name in ["bumpy-cube.obj", "armadillo.obj", "igea.ply"] {
+        let bytes = std::fs::read(std::path::Path::new(&folder).join(name)).unwrap();
+        let format = chladni_mesh::read::MeshFormat::from_extension(name.rsplit('.').next().unwrap()).unwrap();
+        let raw = chladni_mesh::read::read(&bytes, format, &Default::default()).unwrap();
+        let mesh = chladni_mesh::check::check(raw, &Default::default()).unwrap().mesh;
+        let surface = FieldSurface::new(mesh).unwrap();
+        for kind in [FieldKind::NVector { n: 4 }, FieldKind::Tensor {}, FieldKind::Vector {}] {
+            if kind != (FieldKind::NVector { n: 4 }) && surface.faces() > 100_000 {
+                continue;
+            }
+            let full = FullSpace::within(&surface, kind, FieldBoundary::default(), u64::MAX, &Unwatched).unwrap();
+            let beside = full.bytes_beside_factors();
+            let (two, making) = (full.bytes_of_factors() + beside, full.bytes_of_making());
+            let share = two as f64 / expected_bytes(kind, surface.faces());
+            println!(
+                "{name} {kind:?}: {} faces, {two} bytes, {beside} of them beside, {making} more; {share}",
+                surface.faces()
+            );
+            shares.push(share);
+        }
+    }
+    assert!(shares.iter().all(|share| (0.9..2.5).contains(share)), "{shares:?}");
 }

@@ -23,6 +23,8 @@ mod loops;
 mod many;
 mod nearby;
 #[cfg(test)]
+mod one_sided_tests;
+#[cfg(test)]
 mod patch_tests;
 mod pencil;
 mod poisson;
@@ -51,7 +53,7 @@ pub use alignment::{Alignment, Prescription};
 pub use basis::{Construction, FieldError, FieldParameters, FieldSurface, field_basis, full_biharmonic};
 pub use decomposition::{HodgeDecomposition, HodgeParts};
 pub use design::{BENDING, Constraint, Design, DesignError, DesignModel, EnergyWeights, Hold, MOST_DIMENSIONS};
-pub use direct::MOST_FACES as MOST_FACTORED_FACES;
+pub use direct::{USUAL_ROOM, most_factored_faces};
 pub use drawing::{
     Camera, Coat, CoatParameters, Drawing, HairStyle, HatchedLines, HatchingStyle, MOST_PAINTED, MOST_PIXELS,
     MOST_POINTS, MOST_STRAND_POINTS, Tone, grow, hatch, paint, png,

@@ -5,6 +5,7 @@ use chladni_algebra::{
     SymbolicFactor, fill_reducing_order,
 };
 use chladni_base::{Cancelled, Monitor};
+use chladni_mesh::dual::OneSided;
 use rayon::prelude::*;
 
 use super::basis::FieldSurface;
@@ -16,6 +17,9 @@ const LARGE: usize = 60_000;
 /// Why a Poisson problem was not solved.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PoissonError {
+    /// The surface has one side, or its faces do not agree about two.
+    #[error("gradients and co-gradients are told apart on oriented surfaces alone: {0}")]
+    OneSided(#[from] OneSided),
     /// The matrix was not factored.
     #[error("a Poisson problem on the vertices could not be solved: {0}")]
     Factor(#[from] FactorError),

@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 
 use chladni_algebra::{DefiniteError, DenseMatrix, PANEL_WIDTH, PanelMatrix, solve_definite};
 use chladni_base::Monitor;
-use chladni_mesh::dual::NO_FACE;
+use chladni_mesh::dual::{NO_FACE, OneSided};
 
 use crate::operator::frames::{Planar, conjugate, multiply, normalise};
 use crate::operator::transport::{FieldKind, edge_weight, turn};
@@ -36,6 +36,9 @@ pub struct Prescribed {
 /// Why there is no field with these singularities.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PrescribedError {
+    /// The surface has one side, or its faces do not agree about two.
+    #[error("singularities are prescribed on oriented surfaces alone, whose loops all keep left and right apart: {0}")]
+    OneSided(#[from] OneSided),
     /// The vertex is not there.
     #[error("singularity {at} is prescribed at vertex {vertex} of {vertices}")]
     Vertex {
@@ -129,6 +132,7 @@ impl PrescribedField {
         prescribed: &[Prescribed],
         monitor: &dyn Monitor,
     ) -> Result<Self, PrescribedError> {
+        surface.dual().oriented()?;
         let turning = check(surface, kind, prescribed)?;
         monitor.checkpoint().map_err(PoissonError::Cancelled)?;
         let tree = DualTree::new(surface);
@@ -316,7 +320,8 @@ impl<'a> Connection<'a> {
     fn new(surface: &'a FieldSurface, kind: FieldKind) -> Self {
         let (dual, frames) = (surface.dual(), surface.frames());
         let slots = dual.edge_faces().iter().enumerate().map(|(edge, f)| (f[0] as usize, dual.slot(f[0], edge as u32)));
-        let carried: Vec<Option<Planar>> = slots.clone().map(|(f, k)| turn(kind, dual, frames, f, k)).collect();
+        let carried: Vec<Option<Planar>> =
+            slots.clone().map(|(f, k)| turn(kind, dual, frames, f, k).map(|turn| turn.by)).collect();
         let weights: Vec<f64> = slots.map(|(f, k)| edge_weight(dual, frames, f, k)).collect();
         let mean = weights.iter().sum::<f64>() / weights.len().max(1) as f64;
         // Across an edge of no length a field may turn as it likes, within reason.

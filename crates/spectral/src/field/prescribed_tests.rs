@@ -112,7 +112,7 @@ fn index_around(
         defect -= (dot(a, b) / (dot(a, a) * dot(b, b)).sqrt()).clamp(-1.0, 1.0).acos();
         let slot = (0..3).find(|&s| dual.neighbours(face)[s] as usize == next && s == (k + 1) % 3)?;
         let carried = turn(kind, dual, frames, face, slot)?;
-        let step = angle(next) + carried[1].atan2(carried[0]) - angle(face);
+        let step = angle(next) + carried.by[1].atan2(carried.by[0]) - angle(face);
         let step = step - TAU * (step / TAU).round();
         let edge = dual.edges(face)[slot];
         let sign = if dual.edge_faces()[edge as usize][0] as usize == face { 1.0 } else { -1.0 };

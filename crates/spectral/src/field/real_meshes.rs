@@ -87,12 +87,12 @@ fn no_column_vanishes_where_a_sample_lies_on_a_small_tip() {
 
 #[test]
 fn surfaces_that_are_none_are_refused_by_name() {
-    for name in ["moebius.obj", "fan3.obj"] {
+    for name in ["fan3.obj", "hourglass_ico.obj"] {
         let Some(folder) = std::env::var_os("CHLADNI_MESHES") else { return };
         let bytes = std::fs::read(std::path::Path::new(&folder).join(name)).unwrap();
         let raw = read(&bytes, MeshFormat::Obj, &Default::default()).unwrap();
         let mesh = check(raw, &Default::default()).unwrap().mesh;
         let error = FieldSurface::new(mesh).unwrap_err().to_string();
-        assert!(error.contains("edge from vertex"), "{name}: {error}");
+        assert!(error.contains("manifold"), "{name}: {error}");
     }
 }

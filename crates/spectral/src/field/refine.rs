@@ -7,14 +7,14 @@
 
 use std::sync::OnceLock;
 
-use chladni_algebra::{DefiniteError, DefiniteFactor, DenseMatrix, lowest_symmetric};
+use chladni_algebra::{BlockMatrix, DefiniteError, DefiniteFactor, DenseMatrix, lowest_symmetric};
 use chladni_base::{Cancelled, Monitor, Unwatched};
 
 use super::basis::FieldSurface;
 use super::compliance::Compliance;
 use super::cycle::Cycles;
 use super::design::{Constraint, Design, DesignError, length};
-use super::direct::Direct;
+use super::direct::{Direct, USUAL_ROOM};
 use super::hierarchy::hierarchy;
 use super::idle::dot as small_dot;
 use super::refine_response::{Response, Sum, Whole, add, dot};
@@ -138,7 +138,26 @@ impl FullSpace {
         boundary: FieldBoundary,
         monitor: &dyn Monitor,
     ) -> Result<Self, RefineError> {
-        Self::made(surface, kind, boundary, true, monitor)
+        Self::within(surface, kind, boundary, USUAL_ROOM, monitor)
+    }
+
+    /// The same with so many bytes of room for factors, instead of [`USUAL_ROOM`]; where they do not fit there are levels.
+    ///
+    /// # Errors
+    /// As for [`new`](Self::new).
+    pub fn within(
+        surface: &FieldSurface,
+        kind: FieldKind,
+        boundary: FieldBoundary,
+        room: u64,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, RefineError> {
+        monitor.stage("levels");
+        let inner = match kind.block() {
+            2 => Inner::Two(Whole::new(surface, kind, boundary, room, monitor)?),
+            _ => Inner::Three(Whole::new(surface, kind, boundary, room, monitor)?),
+        };
+        Ok(Self { kind, inner })
     }
 
     /// The same by cycles, as on surfaces that are too large for factors.
@@ -148,49 +167,10 @@ impl FullSpace {
         kind: FieldKind,
         boundary: FieldBoundary,
     ) -> Result<Self, RefineError> {
-        Self::made(surface, kind, boundary, false, &Unwatched)
+        Self::within(surface, kind, boundary, 0, &Unwatched)
     }
 
-    fn made(
-        surface: &FieldSurface,
-        kind: FieldKind,
-        boundary: FieldBoundary,
-        factored: bool,
-        monitor: &dyn Monitor,
-    ) -> Result<Self, RefineError> {
-        monitor.stage("levels");
-        let inner = match kind.block() {
-            2 => Inner::Two(Whole::new(surface, kind, boundary, factored, monitor)?),
-            _ => Inner::Three(Whole::new(surface, kind, boundary, factored, monitor)?),
-        };
-        Ok(Self { kind, inner })
-    }
-
-    /// The field of least energy among all fields under the constraints of a design of the same model, by sparse factors that are kept; strengths of
-    /// constraints are measured by what all fields of the surface resist with, so that the field depends on the reduced space in nothing. Its
-    /// coefficients are those of the field of the space that is nearest to it, where the model has Ritz coordinates, and so is its distance.
-    ///
-    /// `None` where that is for [`refine`](Self::refine): on surfaces of more than [`super::MOST_FACTORED_FACES`] faces, beside alignments with weights per
-    /// face or that outweigh the energies, and under more than 128 constraints.
-    ///
-    /// # Errors
-    /// [`RefineError`].
-    pub fn least(
-        &self,
-        weighted: &WeightedModel,
-        basis: &FieldBasis,
-        constraints: &[Constraint],
-        design: &Design,
-        monitor: &dyn Monitor,
-    ) -> Result<Option<Refined>, RefineError> {
-        self.check(weighted, basis)?;
-        match &self.inner {
-            Inner::Two(whole) => whole.least(weighted, basis, constraints, design, monitor),
-            Inner::Three(whole) => whole.least(weighted, basis, constraints, design, monitor),
-        }
-    }
-
-    /// Whether the surface is small enough for sparse factors, by which designs are a matter of milliseconds.
+    /// Whether there is room for sparse factors, by which a design takes two substitutions.
     pub fn is_factored(&self) -> bool {
         match &self.inner {
             Inner::Two(whole) => whole.direct.is_some(),
@@ -208,7 +188,7 @@ impl FullSpace {
     }
 
     /// That a design is one of this surface.
-    fn check(&self, weighted: &WeightedModel, basis: &FieldBasis) -> Result<(), RefineError> {
+    pub(super) fn check(&self, weighted: &WeightedModel, basis: &FieldBasis) -> Result<(), RefineError> {
         length("the space", basis.space.faces(), self.faces())?;
         if basis.kind != self.kind {
             return Err(DesignError::Kind.into());
@@ -262,6 +242,31 @@ impl FullSpace {
         }
     }
 
+    /// About the bytes of the two factors that designs with one choice of weights take, with what is kept beside them; 0 where there are none.
+    pub fn bytes_of_factors(&self) -> u64 {
+        match &self.inner {
+            Inner::Two(whole) => whole.direct.as_ref().map_or(0, Direct::bytes_of_two),
+            Inner::Three(whole) => whole.direct.as_ref().map_or(0, Direct::bytes_of_two),
+        }
+    }
+
+    /// About the bytes that are taken beside factors and levels.
+    #[cfg(test)]
+    pub(super) fn bytes_beside_factors(&self) -> u64 {
+        match &self.inner {
+            Inner::Two(whole) => bytes_beside(&whole.stiffness, EXPECTED_IDLE),
+            Inner::Three(whole) => bytes_beside(&whole.stiffness, EXPECTED_IDLE),
+        }
+    }
+
+    /// About the bytes that are held only while the first factors are made; 0 where there are none to make.
+    pub fn bytes_of_making(&self) -> u64 {
+        match &self.inner {
+            Inner::Two(whole) => whole.direct.as_ref().map_or(0, Direct::bytes_of_making),
+            Inner::Three(whole) => whole.direct.as_ref().map_or(0, Direct::bytes_of_making),
+        }
+    }
+
     /// An estimate of [`Refined::distance`], at a fraction of the cost.
     ///
     /// # Errors
@@ -285,16 +290,22 @@ impl FullSpace {
     }
 }
 
+/// The bytes of an operator with its masses, and of some fields without energy.
+fn bytes_beside<const B: usize>(stiffness: &BlockMatrix<B>, idle: usize) -> u64 {
+    let entry = size_of::<[[f64; B]; B]>() + 4;
+    (entry * stiffness.entries() + (16 + 8 * B * idle) * stiffness.rows()) as u64
+}
+
 impl<const B: usize> Whole<B> {
     fn new(
         surface: &FieldSurface,
         kind: FieldKind,
         boundary: FieldBoundary,
-        factored: bool,
+        room: u64,
         monitor: &dyn Monitor,
     ) -> Result<Self, RefineError> {
         let operator = FieldOperator::<B>::assemble(kind, surface.mesh(), surface.dual(), surface.frames(), boundary)?;
-        let direct = if factored { Direct::new(&operator.stiffness) } else { None };
+        let direct = Direct::new(kind, &operator.stiffness, bytes_beside(&operator.stiffness, EXPECTED_IDLE), room);
         let cycles = match direct {
             Some(_) => None,
             None => {
@@ -307,11 +318,9 @@ impl<const B: usize> Whole<B> {
 
     fn bytes(&self) -> u64 {
         let known = self.kernel.get().map_or(EXPECTED_IDLE, Vec::len).max(EXPECTED_IDLE);
-        (size_of::<[[f64; B]; B]>() + 4) as u64 * self.stiffness.entries() as u64
-            + 16 * self.mass.len() as u64
+        bytes_beside(&self.stiffness, known)
             + self.cycles.as_ref().map_or(0, Cycles::bytes)
             + self.direct.as_ref().map_or(0, Direct::bytes)
-            + (8 * B * self.mass.len() * known) as u64
     }
 
     fn refine(
@@ -337,7 +346,7 @@ impl<const B: usize> Whole<B> {
             other => other?,
         }
         let (field, responses) = (solve.field, solve.responses);
-        self.told(weighted, basis, constraints, design.coefficients.clone(), field, responses)
+        self.told(weighted, basis, constraints, Some(design.coefficients.clone()), field, responses)
     }
 
     /// What there is to say of a field beside coefficients of the reduced space.
@@ -346,17 +355,11 @@ impl<const B: usize> Whole<B> {
         weighted: &WeightedModel,
         basis: &FieldBasis,
         constraints: &[Constraint],
-        coefficients: Vec<f32>,
+        coefficients: Option<Vec<f32>>,
         field: Vec<f64>,
         responses: usize,
     ) -> Result<Refined, RefineError> {
-        let reduced = basis.space.lift(&coefficients);
-        let (got, wanted) = (coefficients.len(), basis.space.dimension());
-        let reduced = reduced.ok_or(DesignError::Length { what: "coefficients", got, wanted })?;
-        let mut off: Vec<f64> = reduced.iter().map(|&x| f64::from(x)).collect();
-        add(&mut off, &field, -1.0);
-        let norm = |x: &[f64]| self.product(x, x).sqrt();
-        let distance = norm(&off) / norm(&field).max(f64::MIN_POSITIVE);
+        let distance = coefficients.as_ref().map_or(Ok(f64::NAN), |own| self.apart(basis, own, &field))?;
         let image = self.stiff(&field);
         let harmonic_energy = dot(&image, &field);
         let mut curved = image.clone();
@@ -374,8 +377,19 @@ impl<const B: usize> Whole<B> {
             biharmonic_energy,
             distance,
             responses,
-            coefficients,
+            coefficients: coefficients.unwrap_or_default(),
         })
+    }
+
+    /// How far the field of coefficients is from another one, as a share of the length of that.
+    fn apart(&self, basis: &FieldBasis, coefficients: &[f32], field: &[f64]) -> Result<f64, DesignError> {
+        let (got, wanted) = (coefficients.len(), basis.space.dimension());
+        let reduced = basis.space.lift(coefficients);
+        let reduced = reduced.ok_or(DesignError::Length { what: "coefficients", got, wanted })?;
+        let mut off: Vec<f64> = reduced.iter().map(|&x| f64::from(x)).collect();
+        add(&mut off, field, -1.0);
+        let norm = |x: &[f64]| self.product(x, x).sqrt();
+        Ok(norm(&off) / norm(field).max(f64::MIN_POSITIVE))
     }
 
     /// The fields without energy that the reduced space knows about, exactly; none where the sum holds them.

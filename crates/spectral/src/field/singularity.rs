@@ -2,7 +2,8 @@
 //!
 //! Between neighbouring faces an n-field turns by the least angle `r_e` that carries the representation of one into that of the other. Around a
 //! vertex these angles and `n` times the angle defect `K` add up to a multiple of 360°, and the index is that multiple over `n`. As each `r_e` is
-//! computed once and seen from both ends with opposite signs, the indices of a closed surface add up to its Euler characteristic exactly.
+//! computed once and seen from both ends with opposite signs, the indices of a closed surface add up to its Euler characteristic exactly. A mirror
+//! image of a field has the same indices, so that they are there, with their signs, where a surface has only one side.
 
 use rayon::prelude::*;
 
@@ -61,23 +62,25 @@ pub fn matched_singularities(
     for matched in matching {
         *angles.get_mut(matched.edge as usize)? += std::f64::consts::TAU * f64::from(matched.turns);
     }
-    let mut corners = Vec::new();
+    let (mut corners, mut turned) = (Vec::new(), Vec::new());
     let mut found = Vec::new();
     for vertex in 0..mesh.positions.len() as u32 {
-        if !dual.fan(mesh, vertex, &mut corners) {
+        turned.clear();
+        if !dual.sided_fan(mesh, vertex, &mut corners, |side| turned.push(side)) {
             continue;
         }
         let (mut rotation, mut defect) = (0.0, std::f64::consts::TAU);
-        for &corner in &corners {
+        for (&corner, &turned) in corners.iter().zip(&turned) {
             let (face, k) = (corner as usize / 3, corner as usize % 3);
             let edges = frames.edges(face);
             let (a, b) = (edges[(k + 2) % 3], edges[(k + 1) % 3]);
             defect -= (-(a[0] * b[1] - a[1] * b[0])).abs().atan2(-(a[0] * b[0] + a[1] * b[1]));
             // Counter-clockwise the next face lies across the edge opposite to corner k + 1.
-            let across = (k + 1) % 3;
+            let across = (k + if turned { 2 } else { 1 }) % 3;
             let edge = dual.edges(face)[across] as usize;
-            let forward = dual.edge_faces()[edge][0] as usize == face;
-            rotation += if forward { angles[edge] } else { -angles[edge] };
+            // Faces of opposite orientation see the same angle both ways.
+            let forward = dual.edge_faces()[edge][0] as usize == face || dual.is_mirrored(face, across);
+            rotation += if forward != turned { angles[edge] } else { -angles[edge] };
         }
         let turns = (rotation + f64::from(order) * defect) / std::f64::consts::TAU;
         let numerator = turns.round() as i32;
@@ -111,7 +114,7 @@ pub(super) fn least_angles(surface: &FieldSurface, kind: FieldKind, field: &[f32
             let Some(k) = dual.edges(low as usize).iter().position(|&e| e as usize == edge) else { return 0.0 };
             // The turn carries the upper face's numbers into the lower one.
             let Some(carried) = turn(kind, dual, frames, low as usize, k) else { return 0.0 };
-            let there = multiply(carried, value(high as usize));
+            let there = carried.of(value(high as usize));
             let step = multiply(there, conjugate(value(low as usize)));
             step[1].atan2(step[0])
         })

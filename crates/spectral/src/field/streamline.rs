@@ -275,8 +275,8 @@ impl Hatching<'_> {
         best.filter(|b| b.2.is_finite())
     }
 
-    /// The same place and direction seen from the face across edge `k`.
-    fn cross(&self, face: u32, k: usize, at: [f64; 3], direction: Planar) -> Option<(Place, Planar)> {
+    /// The same place and direction seen from the face across edge `k`, and whether that has the opposite orientation.
+    fn cross(&self, face: u32, k: usize, at: [f64; 3], direction: Planar) -> Option<(Place, Planar, bool)> {
         let dual = self.surface.dual();
         let next = dual.neighbours(face as usize)[k];
         if next == NO_FACE {
@@ -284,10 +284,10 @@ impl Hatching<'_> {
         }
         let j = dual.slot(next, dual.edges(face as usize)[k]);
         let mut there = [0.0; 3];
-        there[(j + 1) % 3] = at[(k + 2) % 3];
-        there[(j + 2) % 3] = at[(k + 1) % 3];
-        let turn = self.surface.frames().rotation(dual, next as usize, j)?;
-        Some((Place { face: next, at: there }, multiply(turn, direction)))
+        let turn = self.surface.frames().carry(dual, next as usize, j)?;
+        let (from, to) = if turn.mirrored { (1, 2) } else { (2, 1) };
+        (there[(j + 1) % 3], there[(j + 2) % 3]) = (at[(k + from) % 3], at[(k + to) % 3]);
+        Some((Place { face: next, at: there }, turn.of(direction), turn.mirrored))
     }
 
     /// Follows the field, or with a sign of −1 goes against it, until it ends, comes near a line, or returns.
@@ -332,7 +332,7 @@ impl Hatching<'_> {
             }
             half.places.push(Place { face: here.face, at });
             half.length = end;
-            let Some((place, carried)) = self.cross(here.face, k, at, direction) else { break };
+            let Some((place, carried, _)) = self.cross(here.face, k, at, direction) else { break };
             let Some(next) = self.direction(place.face, carried, sign) else { break };
             // A field that points back out at once would go to and fro.
             if next[0] * carried[0] + next[1] * carried[1] <= 0.0 {
@@ -415,7 +415,8 @@ impl Hatching<'_> {
             let along = along.map(|x| x / size);
             for side in [1.0, -1.0] {
                 let across = [-side * along[1], side * along[0]];
-                if let Some((there, carried)) = self.walk(place, across, 1.02 * self.spacing) {
+                if let Some((there, carried, turned)) = self.walk(place, across, 1.02 * self.spacing) {
+                    let side = if turned { -side } else { side };
                     seeds.extend(self.families(there, [side * carried[1], -side * carried[0]]).take(1));
                 }
             }
@@ -438,18 +439,19 @@ impl Hatching<'_> {
         (sum > 0.5 && sum.is_finite()).then(|| Place { face, at: at.map(|x| x / sum) })
     }
 
-    /// Straight ahead for a distance, and the direction there; `None` at a boundary.
-    fn walk(&self, from: Place, direction: Planar, distance: f64) -> Option<(Place, Planar)> {
-        let (mut here, mut direction, mut rest) = (from, direction, distance);
+    /// Straight ahead for a distance, the direction there, and whether left and right have changed; `None` at a boundary.
+    fn walk(&self, from: Place, direction: Planar, distance: f64) -> Option<(Place, Planar, bool)> {
+        let (mut here, mut direction, mut rest, mut turned) = (from, direction, distance, false);
         for _ in 0..10_000 {
             let (k, at, reach) = self.exit(&here, direction)?;
             if reach >= rest {
                 let s = if reach > 0.0 { rest / reach } else { 0.0 };
                 let at = [0, 1, 2].map(|i| (1.0 - s) * here.at[i] + s * at[i]);
-                return Some((Place { face: here.face, at }, direction));
+                return Some((Place { face: here.face, at }, direction, turned));
             }
             rest -= reach;
-            (here, direction) = self.cross(here.face, k, at, direction)?;
+            let (next, along, mirrored) = self.cross(here.face, k, at, direction)?;
+            (here, direction, turned) = (next, along, turned != mirrored);
         }
         None
     }
@@ -476,7 +478,7 @@ impl Hatching<'_> {
         self.near_in(&self.cells, place, direction, distance, own)
     }
 
-    /// Whether a sample of a line of the kind that runs in a direction lies within a distance, on the same side of the surface. Of the line `own`
+    /// Whether a sample of a line of the kind that runs in a direction lies within a distance, on the same side if there are two. Of the line `own`
     /// only what is far along it counts.
     fn near_in(
         &self,
@@ -489,6 +491,7 @@ impl Hatching<'_> {
         let point = self.point(place);
         let normal = self.surface.frames().normal(place.face as usize);
         let direction = self.surface.frames().to_world(place.face as usize, direction);
+        let one_sided = self.surface.dual().oriented().is_err();
         // With one kind of lines any direction is near enough.
         let kinds = self.kinds();
         let alike = if kinds == 1 { -1.0 } else { (std::f64::consts::FRAC_PI_2 / f64::from(kinds)).cos() };
@@ -503,7 +506,7 @@ impl Hatching<'_> {
                         let turned: f64 = (0..3).map(|i| s.direction[i] * direction[i]).sum();
                         let counts =
                             own.is_none_or(|(line, along)| s.line != line || (s.along - along).abs() > 3.0 * distance);
-                        apart < distance * distance && facing > 0.0 && turned.abs() > alike && counts
+                        apart < distance * distance && (facing > 0.0 || one_sided) && turned.abs() > alike && counts
                     });
                     if near {
                         return true;

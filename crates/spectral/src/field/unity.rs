@@ -28,17 +28,22 @@ pub(super) struct Parts {
 }
 
 impl Parts {
-    /// The parts of a block that commutes with turns but for rounding.
-    pub fn of<const B: usize>(kind: FieldKind, block: &Small<B>) -> Self {
+    /// The parts of a block that is a multiple of a turn but for rounding; with `mirrored` of one that follows a change of orientation.
+    pub fn of<const B: usize>(kind: FieldKind, block: &Small<B>, mirrored: bool) -> Self {
+        let sign = if mirrored { -1.0 } else { 1.0 };
         let b = block.map(|row| row.map(f64::from));
         if let (FieldKind::Tensor {}, Some(i)) = (kind, B.checked_sub(1).filter(|&i| i == 2)) {
             // In the basis (1, 1, 0)/√2, (1, −1, 0)/√2, (0, 0, 1).
             let trace = 0.5 * (b[0][0] + b[0][1] + b[1][0] + b[1][1]);
             let like = 0.5 * (b[0][0] - b[0][1] - b[1][0] + b[1][1]);
             let (up, down) = ((b[i][0] - b[i][1]) / 2f64.sqrt(), (b[0][i] - b[1][i]) / 2f64.sqrt());
-            return Self { trace, turning: [0.5 * (like + b[i][i]), 0.5 * (up - down)] };
+            return Self { trace, turning: [0.5 * (like + sign * b[i][i]), 0.5 * (up - sign * down)] };
         }
-        Self { trace: 0.0, turning: [0.5 * (b[0][0] + b[1][1]), 0.5 * (b[1][0] - b[0][1])] }
+        Self { trace: 0.0, turning: [0.5 * (b[0][0] + sign * b[1][1]), 0.5 * (b[1][0] - sign * b[0][1])] }
+    }
+
+    fn size(self) -> f64 {
+        self.turning[0].hypot(self.turning[1])
     }
 
     /// The same carried back by the phase that a block had before.
@@ -52,7 +57,11 @@ pub(super) fn weights<const B: usize>(kind: FieldKind, before: &[Small<B>], afte
     before
         .iter()
         .zip(after)
-        .map(|(before, after)| Parts::of(kind, after).carried_back(Parts::of(kind, before)))
+        .map(|(before, after)| {
+            let [same, other] = [false, true].map(|mirrored| Parts::of(kind, before, mirrored));
+            let mirrored = other.size() > same.size();
+            Parts::of(kind, after, mirrored).carried_back(if mirrored { other } else { same })
+        })
         .collect()
 }
 
@@ -101,12 +110,13 @@ fn inverse<const B: usize>(kind: FieldKind, sum: Parts) -> Small<B> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::operator::frames::Turn;
     use crate::operator::transport::transport_block;
 
     fn block<const B: usize>(kind: FieldKind, angle: f64, size: f64) -> Small<B> {
         let order = f64::from(kind.order());
         let (s, c) = (order * angle).sin_cos();
-        transport_block::<B>(kind, [c, s]).map(|row| row.map(|x| (size * x) as f32))
+        transport_block::<B>(kind, Turn { by: [c, s], mirrored: false }).map(|row| row.map(|x| (size * x) as f32))
     }
 
     fn check<const B: usize>(kind: FieldKind) {
@@ -130,8 +140,8 @@ mod tests {
             let mut sum = [[0.0f32; B]; B];
             for (k, column) in columns.iter().enumerate() {
                 let Some(at) = column.faces.iter().position(|&f| f == face) else { continue };
-                let [c, s] = normalise(Parts::of(kind, &before[k][at]).turning);
-                let back = transport_block::<B>(kind, [c, -s]);
+                let [c, s] = normalise(Parts::of(kind, &before[k][at], false).turning);
+                let back = transport_block::<B>(kind, Turn { by: [c, -s], mirrored: false });
                 for i in 0..B {
                     for j in 0..B {
                         sum[i][j] += (0..B).map(|l| column.blocks[at][i][l] * back[l][j] as f32).sum::<f32>();

@@ -2,6 +2,7 @@
 
 mod halves;
 mod multipliers;
+mod whole;
 
 use std::sync::{Arc, OnceLock};
 
@@ -11,14 +12,12 @@ use crate::basis::FieldBasis;
 use crate::operator::frames::Planar;
 
 use super::alignment::{Alignment, Prescription};
-use super::compliance::Compliance;
 use super::constraints::{Condition, Slack, check, conditions, near, residuals, without_repetitions};
 use super::design::{Constraint, Design, DesignError, DesignModel, EnergyWeights, MOST_DIMENSIONS, add_row, length};
 use super::idle::{self, Idle, Kernel};
 use super::many::{Many, Setting};
 use super::nearby::Nearby;
 use super::pencil::{Pencil, Sum, floor};
-use super::refine_response as whole;
 
 pub(super) use multipliers::{System, amounts_of_kernel};
 
@@ -217,6 +216,23 @@ impl WeightedModel {
     /// # Errors
     /// [`DesignError`] names the constraint that cannot be used or met.
     pub fn solve(&self, basis: &FieldBasis, constraints: &[Constraint]) -> Result<Design, DesignError> {
+        self.solve_with(basis, constraints, true)
+    }
+
+    /// The same without coefficients, which take a product of the square of the dimension: whether there is such a field, and its energies.
+    ///
+    /// # Errors
+    /// As for [`solve`](Self::solve).
+    pub fn solve_briefly(&self, basis: &FieldBasis, constraints: &[Constraint]) -> Result<Design, DesignError> {
+        self.solve_with(basis, constraints, false)
+    }
+
+    fn solve_with(
+        &self,
+        basis: &FieldBasis,
+        constraints: &[Constraint],
+        coefficients: bool,
+    ) -> Result<Design, DesignError> {
         let b = basis.space.block();
         length("the space", basis.space.dimension(), self.model.dimension())?;
         check(basis, self.model.kind, constraints)?;
@@ -270,7 +286,7 @@ impl WeightedModel {
         let own = &found.field;
         let number = |at: usize, i: usize| rows.column(b * at + i).iter().zip(own).map(|(r, z)| r * z).sum();
         let residuals = residuals(&kept, constraints, b, number);
-        self.finish(found, turn, residuals, None)
+        self.finish(found, turn, residuals, (!coefficients).then(Vec::new))
     }
 
     /// The same in the space itself, where there are many constraints; `None` where there are not, or where that cannot be.
@@ -414,86 +430,6 @@ impl WeightedModel {
     /// Whether designs stay close to prescribed singularities.
     pub(super) fn is_prescribed(&self) -> bool {
         self.prescription.is_some()
-    }
-
-    /// Fields of next to no energy, as they are stored; `None` where alignments hold them and the model does not know them.
-    pub(super) fn idle_fields(&self, basis: &FieldBasis) -> Option<Vec<Vec<f64>>> {
-        let model = &self.model;
-        let coefficients: Vec<Vec<f32>> = if model.has_ritz() {
-            let least = KERNEL * model.values().last().copied().unwrap_or(0.0);
-            let count = model.values().iter().take_while(|v| **v <= least).count();
-            (0..count).map(|k| model.eigenfield(k)).collect()
-        } else if self.alignments.is_empty() {
-            self.idle()?.iter().map(|one| one.field.iter().map(|&x| x as f32).collect()).collect()
-        } else {
-            return None;
-        };
-        let wide = |field: Vec<f32>| field.into_iter().map(f64::from).collect();
-        coefficients.iter().map(|own| basis.space.lift(own).map(wide)).collect()
-    }
-
-    /// What the energies add up to on the faces, and what alignments pull with there.
-    pub(super) fn whole_sum(&self, numbers: usize) -> (whole::Sum, Option<Vec<f64>>) {
-        let mut sum = whole::Sum {
-            harmonic: self.weights.harmonic,
-            biharmonic: self.weights.biharmonic,
-            uniform: 0.0,
-            masses: None,
-        };
-        let mut force = None;
-        for (field, weight) in &self.alignments {
-            let force = force.get_or_insert_with(|| vec![0.0; numbers]);
-            whole::add(force, &field.force, *weight);
-            match &field.masses {
-                Some(masses) => whole::add(sum.masses.get_or_insert_with(|| vec![0.0; masses.len()]), masses, *weight),
-                None => sum.uniform += weight,
-            }
-        }
-        (sum, force)
-    }
-
-    /// How far a field on the faces is from those that it is to stay close to.
-    pub(super) fn whole_deviation(&self, field: &[f64], areas: &[f64]) -> Option<f64> {
-        let b = field.len() / areas.len().max(1);
-        let one = |alignment: &Alignment| {
-            let masses = alignment.masses.as_ref().map_or(areas, |masses| masses.as_slice());
-            let square: f64 = field.iter().enumerate().map(|(i, u)| masses[i / b] * u * u).sum();
-            (square - 2.0 * whole::dot(field, &alignment.force) + alignment.constant).max(0.0)
-        };
-        let all = self.alignments.iter().map(|(alignment, _)| one(alignment));
-        (!self.alignments.is_empty()).then(|| all.sum())
-    }
-
-    /// The constraints as the conditions that they become.
-    ///
-    /// # Errors
-    /// [`DesignError`] names the constraint that cannot be used.
-    pub(super) fn conditions(
-        &self,
-        basis: &FieldBasis,
-        constraints: &[Constraint],
-    ) -> Result<Vec<Condition>, DesignError> {
-        check(basis, self.model.kind, constraints)?;
-        Ok(conditions(&without_repetitions(constraints), constraints))
-    }
-
-    /// The coefficients of the field of the space that is nearest to one on the faces, whose image under the masses is `image`; `None` without Ritz
-    /// coordinates.
-    pub(super) fn nearest(&self, basis: &FieldBasis, image: &[f64]) -> Option<Vec<f32>> {
-        let model = &self.model;
-        model.has_ritz().then(|| model.expand(&model.project(&basis.space.transposed_times(image))))
-    }
-
-    /// The constraints with what the space has them move by.
-    pub(super) fn compliance(&self, basis: &FieldBasis, constraints: &[Constraint]) -> Result<Compliance, DesignError> {
-        let b = basis.space.block();
-        check(basis, self.model.kind, constraints)?;
-        let kept = without_repetitions(constraints);
-        let conditions = conditions(&kept, constraints);
-        let rows = self.rows(basis, &conditions);
-        let solved = self.moved_by(&rows, self.free(&conditions))?;
-        let moved = rows.transposed_times(&solved);
-        Ok(Compliance::new(&conditions, moved, b))
     }
 
     /// The design of a field in the coordinates of the inverse; `coefficients` where they are known.

@@ -47,6 +47,55 @@ pub fn power(a: Planar, n: u32) -> Planar {
     result
 }
 
+/// What carries numbers from one face into another one: `z ↦ by · z`, and between faces of opposite orientation `z ↦ by · z̄`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Turn {
+    /// A unit number.
+    pub by: Planar,
+    /// Whether the orientations are opposite.
+    pub mirrored: bool,
+}
+
+impl Turn {
+    /// What leaves everything as it is.
+    pub const NONE: Self = Self { by: [1.0, 0.0], mirrored: false };
+
+    /// What becomes of a number.
+    #[inline(always)]
+    pub fn of(self, z: Planar) -> Planar {
+        multiply(self.by, if self.mirrored { conjugate(z) } else { z })
+    }
+
+    /// This one after another one.
+    #[inline(always)]
+    pub fn after(self, other: Self) -> Self {
+        Self { by: self.of(other.by), mirrored: self.mirrored != other.mirrored }
+    }
+
+    /// The way back.
+    #[inline(always)]
+    pub fn inverse(self) -> Self {
+        Self { by: if self.mirrored { self.by } else { conjugate(self.by) }, ..self }
+    }
+
+    /// What carries the `n`-th powers of numbers.
+    pub fn power(self, n: u32) -> Self {
+        Self { by: power(self.by, n), ..self }
+    }
+
+    /// The mean of several with weights; those of the orientation that has less weight do not count, since there is nothing between the two.
+    pub fn mean(all: impl IntoIterator<Item = (f64, Self)>) -> Self {
+        let (mut sums, mut weights) = ([[0.0; 2]; 2], [0.0; 2]);
+        for (weight, Self { by, mirrored }) in all {
+            let sum = &mut sums[usize::from(mirrored)];
+            *sum = [sum[0] + weight * by[0], sum[1] + weight * by[1]];
+            weights[usize::from(mirrored)] += weight;
+        }
+        let mirrored = weights[1] > weights[0];
+        Self { by: normalise(sums[usize::from(mirrored)]), mirrored }
+    }
+}
+
 /// The frames of all faces, their edges in them, and areas; edges and areas on the surface scaled to unit area.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FaceFrames {
@@ -140,16 +189,18 @@ impl FaceFrames {
         self.edges[face]
     }
 
-    /// The unit number that carries vectors of the neighbour across edge `k` into the frame of `face`: both see the shared edge, in
-    /// opposite directions. `None` at a boundary.
-    pub fn rotation(&self, dual: &DualGraph, face: usize, k: usize) -> Option<Planar> {
+    /// What carries vectors of the neighbour across edge `k` into the frame of `face`: both see the shared edge, in opposite directions, or in the
+    /// same one where their orientations are opposite. `None` at a boundary.
+    pub fn carry(&self, dual: &DualGraph, face: usize, k: usize) -> Option<Turn> {
         let neighbour = dual.neighbours(face)[k];
         if neighbour == NO_FACE {
             return None;
         }
         let j = dual.slot(neighbour, dual.edges(face)[k]);
         let (own, other) = (self.edges[face][k], self.edges[neighbour as usize][j]);
-        Some(normalise(multiply([-own[0], -own[1]], conjugate(other))))
+        let mirrored = dual.is_mirrored(face, k);
+        let by = if mirrored { multiply(own, other) } else { multiply([-own[0], -own[1]], conjugate(other)) };
+        Some(Turn { by: normalise(by), mirrored })
     }
 
     /// A vector of a frame in ℝ³.
@@ -262,8 +313,8 @@ mod tests {
         for f in 0..frames.faces() {
             for k in 0..3 {
                 let g = dual.neighbours(f)[k];
-                let there = frames.rotation(&dual, f, k).unwrap();
-                let back = frames.rotation(&dual, g as usize, dual.slot(g, dual.edges(f)[k])).unwrap();
+                let there = frames.carry(&dual, f, k).unwrap().by;
+                let back = frames.carry(&dual, g as usize, dual.slot(g, dual.edges(f)[k])).unwrap().by;
                 let both = multiply(there, back);
                 assert!((both[0] - 1.0).abs() < 1e-13 && both[1].abs() < 1e-13);
             }

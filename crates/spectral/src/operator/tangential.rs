@@ -43,6 +43,10 @@ impl<const B: usize> FieldOperator<B> {
             return Err(OperatorError::Parameter { name: "kind", reason });
         }
         let stiffness = match kind {
+            FieldKind::Vector {} if let Err(at) = dual.oriented() => {
+                let reason = format!("the Hodge–Laplacian of vector fields takes an oriented surface: {at}");
+                return Err(OperatorError::Parameter { name: "kind", reason });
+            }
             FieldKind::Vector {} => from_pairs(hodge_stiffness(mesh, dual, frames, boundary)),
             FieldKind::NVector { .. } | FieldKind::Tensor {} => transport_stiffness(kind, dual, frames),
         };

@@ -4,7 +4,7 @@ use chladni_mesh::fixtures::sphere;
 use chladni_mesh::shape::{Shape, generate, noisy};
 
 use super::*;
-use crate::operator::frames::{Planar, multiply, normalise, power};
+use crate::operator::frames::{Planar, Turn, multiply, normalise};
 use crate::operator::hodge::{
     curl, divergence, edge_masses, gradient, nonconforming_gradient, quarter_turn, vertex_masses,
 };
@@ -150,7 +150,7 @@ fn the_connection_laplacian_is_both_parts_nonconforming() {
 fn transport_is_orthogonal_and_that_of_tensors_keeps_trace_and_shape() {
     for angle in [0.0, 0.3, 2.0, -1.1] {
         let turn: Planar = [f64::cos(angle), f64::sin(angle)];
-        let p = transport_block::<3>(FieldKind::Tensor {}, power(turn, 2));
+        let p = transport_block::<3>(FieldKind::Tensor {}, Turn { by: turn, mirrored: false }.power(2));
         for i in 0..3 {
             for j in 0..3 {
                 let inner: f64 = (0..3).map(|k| p[k][i] * p[k][j]).sum();

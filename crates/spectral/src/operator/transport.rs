@@ -9,7 +9,7 @@
 use chladni_algebra::{Block, BlockMatrix};
 use chladni_mesh::dual::{DualGraph, NO_FACE};
 
-use super::frames::{FaceFrames, Planar, power};
+use super::frames::{FaceFrames, Turn};
 
 /// What is stored in a face.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
@@ -52,17 +52,17 @@ impl FieldKind {
 /// The largest `n` of n-vectors: beyond it, transport over a few faces has turned through all angles.
 pub const MOST_VECTORS: u32 = 64;
 
-/// The block that carries stored numbers of the given kind from a neighbour into a face; `turn` is the unit number of
-/// [`FaceFrames::rotation`] to the power [`FieldKind::order`].
+/// The block that carries stored numbers of the given kind from a neighbour into a face; `turn` is [`FaceFrames::carry`] to the power
+/// [`FieldKind::order`].
 ///
-/// For tensors this is `P` of (3.18), written in the cosine and sine of twice the angle. A block of a size that does not fit the kind is the
-/// identity.
-pub fn transport_block<const B: usize>(kind: FieldKind, turn: Planar) -> Block<B> {
+/// For tensors this is `P` of (3.18), written in the cosine and sine of twice the angle. Between faces of opposite orientation the last of the
+/// numbers changes its sign first. A block of a size that does not fit the kind is the identity.
+pub fn transport_block<const B: usize>(kind: FieldKind, turn: Turn) -> Block<B> {
     let mut block = [[0.0; B]; B];
     for i in 0..B {
         block[i][i] = 1.0;
     }
-    let [c, s] = turn;
+    let [c, s] = turn.by;
     match kind {
         FieldKind::Tensor {} if B == 3 => {
             let (cc, ss, cs) = (0.5 * (1.0 + c), 0.5 * (1.0 - c), 0.5 * s * std::f64::consts::SQRT_2);
@@ -76,12 +76,15 @@ pub fn transport_block<const B: usize>(kind: FieldKind, turn: Planar) -> Block<B
         }
         _ => {}
     }
+    if turn.mirrored && kind.block() == B {
+        block.iter_mut().for_each(|row| row[B - 1] = -row[B - 1]);
+    }
     block
 }
 
 /// The turn of stored numbers across edge `k` of a face, or `None` at a boundary.
-pub fn turn(kind: FieldKind, dual: &DualGraph, frames: &FaceFrames, face: usize, k: usize) -> Option<Planar> {
-    frames.rotation(dual, face, k).map(|c| power(c, kind.order()))
+pub fn turn(kind: FieldKind, dual: &DualGraph, frames: &FaceFrames, face: usize, k: usize) -> Option<Turn> {
+    frames.carry(dual, face, k).map(|turn| turn.power(kind.order()))
 }
 
 /// `w = 3 |e|² / (A_i + A_j)`, of edge `k` of a face.
@@ -108,7 +111,7 @@ pub fn transport_stiffness<const B: usize>(kind: FieldKind, dual: &DualGraph, fr
             let w = edge_weight(dual, frames, from, at);
             diagonal += w;
             let Some(carried) = turn(kind, dual, frames, from, at) else { continue };
-            let carried = if from == face { carried } else { [carried[0], -carried[1]] };
+            let carried = if from == face { carried } else { carried.inverse() };
             let block = transport_block::<B>(kind, carried).map(|row| row.map(|x| -w * x));
             // Two faces may share two edges.
             match entries.iter_mut().find(|e| e.0 == neighbour) {

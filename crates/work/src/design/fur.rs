@@ -104,6 +104,11 @@ fn one() -> f64 {
     1.0
 }
 
+/// Fur grows on the outside.
+fn outside(setting: &Setting) -> Result<(), DesignFault> {
+    Ok(setting.surface.surface.sides("fur grows on one of two sides, which takes an oriented surface:")?)
+}
+
 impl FurRequest {
     /// Checks the request against a basis.
     ///
@@ -160,6 +165,7 @@ impl FurRequest {
     /// # Errors
     /// [`DesignFault::Request`] names what is no number.
     pub fn strands(&self, setting: &Setting, field: &[f32]) -> Result<Vec<Strand>, DesignFault> {
+        outside(setting)?;
         let strands = fur(&setting.surface.surface, field, self.length, self.tilt, self.full);
         let mut strands = strands
             .ok_or_else(|| refused("fur", "length, tilt, full", "must be finite numbers, and full greater than 0"))?;
@@ -188,6 +194,7 @@ impl FurRequest {
             seed: self.seed.unwrap_or(0),
         };
         self.check_coat(&parameters)?;
+        outside(setting)?;
         let coat = grow(&setting.surface.surface, field, self.lengths.as_deref(), &parameters, monitor)?;
         coat.ok_or_else(|| refused("fur", "field", "has no length on this surface"))
     }

@@ -220,6 +220,7 @@ impl HatchingRequest {
     ) -> Result<(Drawing, usize), DesignFault> {
         self.check(false)?;
         let surface = &setting.surface.surface;
+        surface.sides("a drawing has light and outlines, which take an oriented surface (lines as JSON do not):")?;
         let camera = self.seen_from(setting)?;
         let paper = Paper { camera: &camera, stroke: self.stroke, area: surface.frames().area() };
         let levels = if self.tone.is_some() { USUAL_LEVELS } else { 1 };

@@ -1,6 +1,6 @@
 //! What a design is asked for with, and the constraints that it means.
 
-use chladni_spectral::field::{BENDING, Constraint, FullSpace, Hold, MOST_FACTORED_FACES, direction_in_frame};
+use chladni_spectral::field::{BENDING, Constraint, FullSpace, Hold, direction_in_frame};
 use chladni_spectral::operator::frames::power;
 use chladni_spectral::operator::transport::FieldKind;
 use serde::{Deserialize, Serialize};
@@ -34,12 +34,12 @@ pub struct DesignRequest {
     pub alignment: Option<AlignmentRequest>,
     /// Where the field is to be singular, and how strongly that is wanted.
     pub singularities: Option<SingularitiesRequest>,
-    /// Which fields the design is the one of least energy of: by default all fields of the surface on surfaces of up to 100,000 faces, beyond those of the
-    /// space of the basis.
+    /// Which fields the design is the one of least energy of: by default all fields of the surface where there is memory for two sparse factors of it,
+    /// else those of the space of the basis.
     #[serde(default)]
     pub space: DesignSpace,
     /// Whether to estimate how far the field is from that of least energy among all fields of the surface, as a share of its length. Where that field
-    /// is the answer, the answer tells it in any case.
+    /// is the answer, JSON tells in any case how far the field of the coefficients is from it.
     #[serde(default)]
     pub error: bool,
     /// Asks for the field of least energy among all fields of the surface itself, in place of that in the space of the basis: to this relative
@@ -55,7 +55,7 @@ pub struct DesignRequest {
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum DesignSpace {
-    /// `surface` up to 100,000 faces, `basis` beyond, and beside prescribed singularities or the full biharmonic energy.
+    /// `surface` where there is memory for factors, else `basis`, and so beside prescribed singularities or the full biharmonic energy.
     #[default]
     Auto,
     /// The fields of the space of the basis: fast on every surface, and off by what the space does not resolve.
@@ -334,14 +334,14 @@ struct Value {
 }
 
 impl DesignRequest {
-    /// Whether all fields of a surface of so many faces are needed to answer it.
-    pub fn needs_full_space(&self, faces: usize) -> bool {
-        self.error || self.is_of_surface(faces)
+    /// Whether all fields of a surface are needed to answer it; `factored` says whether there is room for its factors.
+    pub fn needs_full_space(&self, factored: bool) -> bool {
+        self.error || self.is_of_surface(factored)
     }
 
-    /// Whether it is one of all fields of a surface of so many faces that is wanted.
-    pub fn is_of_surface(&self, faces: usize) -> bool {
-        let fits = || faces <= MOST_FACTORED_FACES && self.singularities.is_none() && !self.weights.full_biharmonic();
+    /// Whether it is one of all fields of a surface that is wanted.
+    pub fn is_of_surface(&self, factored: bool) -> bool {
+        let fits = || factored && self.singularities.is_none() && !self.weights.full_biharmonic();
         self.must_be_of_surface() || (self.space == DesignSpace::Auto && fits())
     }
 
@@ -457,7 +457,8 @@ impl DesignRequest {
 }
 
 fn too_many() -> DesignFault {
-    refused("constraints", "strokes", format!("there are more than {MOST_CONSTRAINTS} constraints"))
+    let reason = format!("there are more than {MOST_CONSTRAINTS} of them together, counting each face under a line");
+    refused("constraints", "strokes and constraints", reason)
 }
 
 fn face(surface: &Surface, face: Option<u32>, point: Option<[f64; 3]>, place: &str) -> Result<u32, DesignFault> {

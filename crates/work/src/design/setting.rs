@@ -6,10 +6,11 @@ use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::nearest::FaceHierarchy;
 use chladni_mesh::sample::farthest_points;
-use chladni_spectral::basis::StoredFields;
+use chladni_spectral::basis::{FieldBasis, StoredFields};
 use chladni_spectral::field::{
     Alignment, Constraint, Design, DesignError, DesignModel, EnergyWeights, FieldSurface, FullSpace, Hold, Matching,
-    Prescribed, PrescribedField, Prescription, RefineError, Refined, WeightedModel, full_biharmonic,
+    Prescribed, PrescribedField, Prescription, RefineError, Refined, USUAL_ROOM, WeightedModel, full_biharmonic,
+    most_factored_faces,
 };
 use chladni_spectral::operator::transport::FieldKind;
 
@@ -70,6 +71,8 @@ pub struct Setting {
     pub surface: Arc<Surface>,
     /// All fields of the surface, for who designs without keeping them.
     full: Arc<OnceLock<FullSpace>>,
+    /// The bytes that factors of the whole surface may take.
+    room: u64,
 }
 
 impl std::fmt::Debug for Setting {
@@ -91,6 +94,19 @@ pub struct Designed {
     pub refined: Option<Vec<f32>>,
     /// How far the field of the coefficients is from that one, as a share of its length; an estimate where it is not wanted itself.
     pub error: Option<f64>,
+}
+
+impl Designed {
+    /// Makes it the field of the whole surface.
+    fn take(&mut self, found: Refined) {
+        self.design.coefficients = found.coefficients;
+        self.design.harmonic_energy = found.harmonic_energy;
+        self.design.biharmonic_energy = found.biharmonic_energy;
+        self.design.alignment_energy = found.alignment_energy;
+        self.design.residuals = found.residuals;
+        self.error = Some(found.distance).filter(|distance| distance.is_finite());
+        self.refined = Some(found.field.into_iter().map(|x| x as f32).collect());
+    }
 }
 
 /// A field of length 1, as it is stored, with the matching of faces by which its singularities are those prescribed.
@@ -127,9 +143,20 @@ impl Setting {
     pub fn new(fields: Arc<StoredFields>, surface: Arc<Surface>) -> Result<Self, DesignFault> {
         let (basis, faces) = (fields.basis.space.faces(), surface.surface.faces());
         match basis == faces {
-            true => Ok(Self { fields, surface, full: Arc::default() }),
+            true => Ok(Self { fields, surface, full: Arc::default(), room: USUAL_ROOM }),
             false => Err(DesignFault::Surface { basis, surface: faces }),
         }
+    }
+
+    /// The same with so many bytes of room for factors of the whole surface.
+    #[must_use]
+    pub fn with_room(self, room: u64) -> Self {
+        Self { room, ..self }
+    }
+
+    /// Whether factors of the whole surface are expected to fit, so that a design is one among all its fields where nobody says otherwise.
+    pub fn has_room(&self) -> bool {
+        self.surface.surface.faces() <= most_factored_faces(self.kind(), self.room)
     }
 
     /// What is stored in a face.
@@ -206,8 +233,17 @@ impl Setting {
     /// # Errors
     /// [`DesignFault::Design`] names the constraint that cannot be met.
     pub fn solve(&self, weighted: &WeightedModel, constraints: Vec<Constraint>) -> Result<Designed, DesignFault> {
+        self.solved(WeightedModel::solve, weighted, constraints)
+    }
+
+    fn solved(
+        &self,
+        solve: impl Fn(&WeightedModel, &FieldBasis, &[Constraint]) -> Result<Design, DesignError>,
+        weighted: &WeightedModel,
+        constraints: Vec<Constraint>,
+    ) -> Result<Designed, DesignFault> {
         self.enough_freedom(&constraints)?;
-        let design = weighted.solve(&self.fields.basis, &constraints)?;
+        let design = solve(weighted, &self.fields.basis, &constraints)?;
         // More hard constraints in one place than the space has freedom there come out as small errors everywhere: a promise that is not kept.
         let length = |c: &Constraint| c.value.iter().map(|x| x * x).sum::<f64>().sqrt();
         let share = |(c, residual): (&Constraint, &f64)| match c.hold {
@@ -256,17 +292,15 @@ impl Setting {
         monitor.checkpoint()?;
         let exact = goal.exact(request);
         let weighted = self.weighted(&model, request.weights, goal)?;
-        let mut designed = self.solve(&weighted, constraints)?;
-        if request.needs_full_space(self.surface.surface.faces()) {
-            let full = match self.full.get() {
-                Some(full) => full,
-                None => {
-                    let made = self.full_space(monitor)?.0;
-                    self.full.get_or_init(|| made)
-                }
-            };
-            self.judge(full, &weighted, request, &mut designed, monitor)?;
-        }
+        let full = match (request.needs_full_space(self.has_room()), self.full.get()) {
+            (false, _) => None,
+            (true, Some(full)) => Some(full),
+            (true, None) => {
+                let made = self.full_space(monitor)?.0;
+                Some(self.full.get_or_init(|| made))
+            }
+        };
+        let designed = self.answer(full, &weighted, request, (constraints, true), monitor)?;
         Ok(self.exactly(exact, designed))
     }
 
@@ -278,16 +312,48 @@ impl Setting {
         let boundary = Provenance::read(&self.fields.metadata)
             .and_then(|provenance| provenance.field_boundary(self.kind()))
             .map_err(|error| refused("refine", "refine", error))?;
-        let full = FullSpace::new(&self.surface.surface, self.kind(), boundary, monitor)?;
+        let full = FullSpace::within(&self.surface.surface, self.kind(), boundary, self.room, monitor)?;
         let bytes = full.bytes();
         Ok((full, bytes))
+    }
+
+    /// The field that a request asks for, where `full` are all fields of the surface if [`DesignRequest::needs_full_space`]. Without `coefficients`
+    /// those are missing where they take time of their own.
+    ///
+    /// # Errors
+    /// [`DesignFault`].
+    pub fn answer(
+        &self,
+        full: Option<&FullSpace>,
+        weighted: &WeightedModel,
+        request: &DesignRequest,
+        (constraints, coefficients): (Vec<Constraint>, bool),
+        monitor: &dyn Monitor,
+    ) -> Result<Designed, DesignFault> {
+        let whole = full.filter(|full| full.is_factored() && request.is_of_surface(self.has_room()));
+        let mut designed = match whole.filter(|_| !coefficients) {
+            None => self.solve(weighted, constraints)?,
+            Some(whole) => {
+                // The same is refused, whatever the answer has.
+                let mut brief = self.solved(WeightedModel::solve_briefly, weighted, constraints)?;
+                if let Some(found) = whole.least_field(weighted, &self.fields.basis, &brief.constraints, monitor)? {
+                    brief.take(found);
+                    return Ok(brief);
+                }
+                self.solve(weighted, brief.constraints)?
+            }
+        };
+        if let Some(full) = full {
+            self.judge(full, weighted, request, &mut designed, monitor)?;
+        }
+        Ok(designed)
     }
 
     /// How far a design is from the field of least energy among all fields, and that field where it is wanted.
     ///
     /// # Errors
     /// [`DesignFault::Refine`].
-    pub fn judge(
+    fn judge(
         &self,
         full: &FullSpace,
         weighted: &WeightedModel,
@@ -298,7 +364,7 @@ impl Setting {
         let Designed { design, constraints, .. } = &*designed;
         let basis = &self.fields.basis;
         let must = request.must_be_of_surface();
-        if !request.is_of_surface(self.surface.surface.faces()) || !(must || full.is_factored()) {
+        if !request.is_of_surface(self.has_room()) || !(must || full.is_factored()) {
             if request.error {
                 designed.error = Some(full.distance(weighted, basis, constraints, design, monitor)?);
             }
@@ -322,13 +388,7 @@ impl Setting {
             }
             Err(error) => return Err(error.into()),
         };
-        designed.design.coefficients = refined.coefficients;
-        designed.design.harmonic_energy = refined.harmonic_energy;
-        designed.design.biharmonic_energy = refined.biharmonic_energy;
-        designed.design.alignment_energy = refined.alignment_energy;
-        designed.design.residuals = refined.residuals;
-        designed.error = Some(refined.distance);
-        designed.refined = Some(refined.field.into_iter().map(|x| x as f32).collect());
+        designed.take(refined);
         Ok(())
     }
 

@@ -12,6 +12,7 @@ pub fn field(setting: &Setting, wanted: &AlignmentRequest, kept: &KeptFields) ->
     let (surface, kind) = (&setting.surface.surface, setting.kind());
     let faces = surface.faces();
     let curvature = || -> Result<Vec<f64>, DesignFault> {
+        surface.sides("curvature has a sign only on sides, which takes an oriented surface:")?;
         curvature_tensors(surface).map_err(|error| DesignFault::Curvature(error.to_string()))
     };
     let directions = |tensors: &[f64], n: u32| {

@@ -2,7 +2,7 @@
 
 use chladni_base::Monitor;
 use chladni_spectral::basis::{FieldBasis, FieldCertificate};
-use chladni_spectral::field::{DesignModel, EigenfieldGoal, FieldSurface, FullSpace, LowestFields};
+use chladni_spectral::field::{DesignModel, EigenfieldGoal, FieldSurface, FullSpace, LowestFields, USUAL_ROOM};
 use chladni_spectral::operator::hodge::FieldBoundary;
 
 use crate::JobError;
@@ -15,6 +15,9 @@ const USUAL: usize = 8;
 
 /// Bytes that these may take: on large surfaces they are fewer.
 const USUAL_BYTES: u64 = 240 << 20;
+
+/// Surfaces of up to so many faces are judged by factors, larger ones by cycles, which take less memory than a job promises.
+const FACTORED: usize = 100_000;
 
 /// How many eigenfields are judged, of so many numbers each, besides those without energy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,7 +60,8 @@ pub fn judged(
     if judging.wanted == 0 {
         return Ok(None);
     }
-    let full = FullSpace::new(surface, basis.kind, boundary, monitor)?;
+    let room = if surface.faces() <= FACTORED { USUAL_ROOM } else { 0 };
+    let full = FullSpace::within(surface, basis.kind, boundary, room, monitor)?;
     monitor.stage("errors");
     let idle = LowestFields::idle(model.values());
     let [wanted, together] = [judging.wanted, judging.together].map(|own| (idle + own).min(model.dimension()));

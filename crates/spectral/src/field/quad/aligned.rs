@@ -59,6 +59,7 @@ impl CrossField {
         parameters: &CrossParameters,
         monitor: &dyn Monitor,
     ) -> Result<Self, QuadError> {
+        surface.dual().oriented()?;
         let faces = surface.faces();
         let CrossParameters { creases: angle, boundary, curvature, .. } = *parameters;
         if let Some(value) = angle.filter(|a| !(*a > 0.0 && *a <= 180.0)) {

@@ -16,7 +16,7 @@ use super::super::harmonic::rim;
 use super::super::loops::{Sets, ends};
 use super::super::singularity::{Matching, Singularity, least_angles};
 use super::QuadError;
-use crate::operator::frames::{Planar, multiply, power};
+use crate::operator::frames::{Planar, Turn, multiply, power};
 use crate::operator::transport::FieldKind;
 
 /// A cross field on the surface cut open.
@@ -45,6 +45,7 @@ const KIND: FieldKind = FieldKind::NVector { n: 4 };
 /// # Errors
 /// [`QuadError`]: a field of another size, or a face without a direction.
 pub fn comb(surface: &FieldSurface, field: &[f32], matching: &[Matching]) -> Result<Combed, QuadError> {
+    surface.dual().oriented()?;
     let faces = surface.faces();
     let Some(mut angles) = least_angles(surface, KIND, field) else {
         return Err(QuadError::Field { found: field.len(), wanted: 2 * faces });
@@ -91,8 +92,8 @@ fn matched(surface: &FieldSurface, first: &[f64], angles: &[f64]) -> Vec<u8> {
     edges
         .with_min_len(PIECE)
         .map(|(edge, (&[low, high], angle))| {
-            let rotation = frames.rotation(dual, low as usize, dual.slot(low, edge as u32));
-            let Some(carried) = rotation.filter(|_| high != NO_FACE) else { return 0 };
+            let carried = frames.carry(dual, low as usize, dual.slot(low, edge as u32));
+            let Some(Turn { by: carried, .. }) = carried.filter(|_| high != NO_FACE) else { return 0 };
             // The first direction of the lower face, turned as the field turns, against the first one of the upper face; whole quarters but for rounding.
             let there = first[high as usize] + carried[1].atan2(carried[0]);
             ((first[low as usize] + angle / 4.0 - there) / FRAC_PI_2).round().rem_euclid(4.0) as u8

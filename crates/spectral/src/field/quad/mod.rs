@@ -42,6 +42,7 @@ pub use split::{crowded, split};
 
 use chladni_algebra::FactorError;
 use chladni_base::Cancelled;
+use chladni_mesh::dual::OneSided;
 
 use super::poisson::PoissonError;
 
@@ -51,6 +52,9 @@ pub const MOST_ROUNDED: usize = 4096;
 /// Why there is no cross field, or no parametrisation.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum QuadError {
+    /// The surface has one side, or its faces do not agree about two.
+    #[error("coordinates with quads between their lines are of oriented surfaces alone: {0}")]
+    OneSided(#[from] OneSided),
     /// A field is given for another surface.
     #[error("the field has {found} numbers; {wanted} are needed, two for each face")]
     Field {
@@ -128,6 +132,7 @@ pub enum QuadError {
 impl From<PoissonError> for QuadError {
     fn from(error: PoissonError) -> Self {
         match error {
+            PoissonError::OneSided(at) => Self::OneSided(at),
             PoissonError::Factor(error) => Self::Factor(error),
             // Its matrices have no such functions.
             PoissonError::Flat { face, .. } => Self::Factor(FactorError::Singular { pivot: face as usize }),

@@ -13,7 +13,7 @@ use super::super::basis::FieldSurface;
 use super::super::singularity::least_angles;
 use super::QuadError;
 use super::smoothest::KIND;
-use crate::operator::frames::{Planar, conjugate, multiply, normalise, power};
+use crate::operator::frames::{Planar, Turn, normalise, power};
 use crate::operator::transport::turn;
 
 /// Beyond the curvature of its vertex a simple zero turns a representation by one full turn, up to rounding to whole turns.
@@ -121,8 +121,8 @@ fn push(surface: &FieldSurface, held: &[Option<Planar>], zeros: &[Zero]) -> (Vec
                 (0..2).for_each(|i| right[2 * face + i] += frames.areas()[face] * own[i]);
             }
             // What is carried from the next face into this one, the other way round.
-            let across = turn(KIND, dual, frames, face, (k + 1) % 3).unwrap_or([1.0, 0.0]);
-            value = Some(multiply(own, conjugate(across)));
+            let across = turn(KIND, dual, frames, face, (k + 1) % 3).unwrap_or(Turn::NONE);
+            value = Some(across.inverse().of(own));
         }
     }
     (right, any)
