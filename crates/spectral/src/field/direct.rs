@@ -72,7 +72,7 @@ pub(super) struct Direct<const B: usize> {
     kept: usize,
 }
 
-/// A factor of `S + γM`.
+/// A factor of `S + γM`; where γ is 0, of `S` with some numbers [grounded](Direct::grounded).
 pub(super) struct ShiftedFactor {
     pub gamma: f64,
     numbers: FactorNumbers,
@@ -145,23 +145,58 @@ impl<const B: usize> Direct<B> {
         gamma: f64,
     ) -> Result<Arc<ShiftedFactor>, FactorError> {
         let gamma = gamma.max(FLOOR);
-        let lock = || self.factors.lock().unwrap_or_else(PoisonError::into_inner);
-        {
-            let mut kept = lock();
-            if let Some(at) = kept.iter().position(|factor| factor.gamma == gamma) {
-                kept[..=at].rotate_right(1);
-                return Ok(kept[0].clone());
-            }
+        if let Some(kept) = self.kept_factor(gamma) {
+            return Ok(kept);
         }
-        let matrix = ordered(stiffness, &self.order, &self.places);
         let masses = self.order.iter().flat_map(|&face| std::iter::repeat_n(mass[face as usize], B)).collect();
-        let factor = self.symbolic.factor(&matrix, &MassMatrix::Diagonal(masses), -gamma)?;
+        self.made(stiffness, masses, gamma, -gamma)
+    }
+
+    /// A factor that is kept, and then the last to be given up.
+    fn kept_factor(&self, gamma: f64) -> Option<Arc<ShiftedFactor>> {
+        let mut kept = self.factors.lock().unwrap_or_else(PoisonError::into_inner);
+        let at = kept.iter().position(|factor| factor.gamma == gamma)?;
+        kept[..=at].rotate_right(1);
+        Some(kept[0].clone())
+    }
+
+    /// The factor of `S` less `shift` times a diagonal in the order of elimination, which is kept by the name of a γ.
+    fn made(
+        &self,
+        stiffness: &BlockMatrix<B>,
+        diagonal: Vec<f64>,
+        gamma: f64,
+        shift: f64,
+    ) -> Result<Arc<ShiftedFactor>, FactorError> {
+        let matrix = ordered(stiffness, &self.order, &self.places);
+        let factor = self.symbolic.factor(&matrix, &MassMatrix::Diagonal(diagonal), shift)?;
         let numbers = factor.into_numbers();
         let made = Arc::new(ShiftedFactor { gamma, numbers, halves: Mutex::default(), idle: OnceLock::new() });
-        let mut kept = lock();
+        let mut kept = self.factors.lock().unwrap_or_else(PoisonError::into_inner);
         kept.insert(0, made.clone());
         kept.truncate(self.kept);
         Ok(made)
+    }
+
+    /// A factor of `S` where something is added to the diagonal at some numbers, as many as there are fields without energy and such that no
+    /// mixture of these vanishes at all of them: where no such field has a part in `f`, the solution is zero at these numbers, and one of `S x = f`. No
+    /// shift, however small, does that: fields without energy are in its solutions over the shift, and what is left of their digits is little.
+    ///
+    /// # Errors
+    /// [`FactorError`].
+    pub fn grounded(
+        &self,
+        stiffness: &BlockMatrix<B>,
+        numbers: impl FnOnce() -> Vec<(usize, f64)>,
+    ) -> Result<Arc<ShiftedFactor>, FactorError> {
+        if let Some(kept) = self.kept_factor(0.0) {
+            return Ok(kept);
+        }
+        let mut added = vec![0.0; B * self.order.len()];
+        for (number, add) in numbers() {
+            added[self.places[number / B] as usize + number % B] = add;
+        }
+        self.made(stiffness, added, 0.0, -1.0)
     }
 
     /// The numbers of all faces in the order of elimination.

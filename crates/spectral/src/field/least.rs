@@ -22,6 +22,13 @@ const MOST_CONSTRAINTS: usize = 128;
 /// How much closer together both inverses may be than either is large: their difference loses as many digits.
 const MOST_CANCELLED: f64 = 1e6;
 
+/// From here on the field is found by one inverse after the other instead of their difference, in a half more of the time.
+const CANCELLED: f64 = 100.0;
+
+/// Hard constraints are met to this share of the largest that is asked for; it takes so many corrections at most.
+const MET: f64 = 1e-9;
+const CORRECTIONS: usize = 6;
+
 /// Fields without energy that are looked for at first, and at most.
 const FIRST_IDLE: usize = 8;
 const MOST_IDLE: usize = 128;
@@ -149,15 +156,22 @@ impl<const B: usize> Whole<B> {
             monitor.checkpoint()?;
             Ok(direct.factor(&self.stiffness, &self.mass, gamma).map_err(DesignError::Sparse)?)
         };
-        let first = factor(difference.small)?;
-        let second = difference.large.map(factor).transpose()?;
-        let kernel: &[Vec<f64>] = match sum.uniform > 0.0 {
-            true => &[],
-            false => match self.idle(direct, &first, monitor)? {
+        let kernel: &[Vec<f64>] = match (sum.uniform > 0.0, self.kernel.get()) {
+            (true, _) => &[],
+            (false, Some(known)) => known,
+            (false, None) => match self.idle(direct, &*factor(difference.small)?, monitor)? {
                 Some(kernel) => kernel,
                 None => return Ok(None),
             },
         };
+        let first = match kernel.is_empty() {
+            true => factor(difference.small)?,
+            false => {
+                monitor.checkpoint()?;
+                direct.grounded(&self.stiffness, || self.to_ground(kernel)).map_err(DesignError::Sparse)?
+            }
+        };
+        let second = difference.large.map(factor).transpose()?;
         let mut field = match force {
             Some(force) => Response::new(self, sum, kernel)?.apply(&force, CLOSE, monitor)?,
             None => vec![0.0; B * self.mass.len()],
@@ -178,10 +192,15 @@ impl<const B: usize> Whole<B> {
             if let Some(second) = &second {
                 idle.take_out_of_second(difference.scale / second.gamma, &mut moved);
             }
-            if !(before <= MOST_CANCELLED * trace(&moved)) {
+            let after = trace(&moved);
+            if !(before <= MOST_CANCELLED * after) {
                 return Ok(None);
             }
-            let system = System::new(moved, &conditions, B)?;
+            let system = match System::new(moved, &conditions, B) {
+                // Constraints at different faces depend on each other by rounding alone.
+                Err(DesignError::Dependent { .. }) => return Ok(None),
+                made => made?,
+            };
             let mut right = DenseMatrix::zeros(size, 1 + kernel.len());
             for (i, missing) in right.column_mut(0).iter_mut().enumerate() {
                 let condition = &conditions[i / B];
@@ -190,26 +209,49 @@ impl<const B: usize> Whole<B> {
             for k in 0..kernel.len() {
                 right.column_mut(1 + k).iter_mut().zip(&idle.values).for_each(|(r, values)| *r = values[k]);
             }
-            let (y, amounts) = system.pulls(&right, &conditions, B)?;
-            let mut half = vec![0.0; B * self.mass.len()];
-            halves.iter().zip(y.chunks_exact(B)).for_each(|(own, y)| own.add_to(y, &mut half));
-            idle.take_out_of_half(&y, &mut half);
-            let second = second.as_ref().zip(others).map(|(factor, others)| {
+            let answer = |y: &[f64]| {
                 let mut half = vec![0.0; B * self.mass.len()];
-                others.iter().zip(y.chunks_exact(B)).for_each(|(own, y)| own.add_to(y, &mut half));
-                (factor, half)
-            });
-            let (mut own, other) = rayon::join(
-                || direct.substituted(&first, half),
-                || second.map(|(factor, half)| direct.substituted(factor, half)),
-            );
-            other.iter().for_each(|other| add(&mut own, other, -1.0));
-            for z in kernel {
-                let share = self.product(z, &own);
-                add(&mut own, z, -share);
+                halves.iter().zip(y.chunks_exact(B)).for_each(|(own, y)| own.add_to(y, &mut half));
+                idle.take_out_of_half(y, &mut half);
+                let Some((second, others)) = second.as_ref().zip(others.as_ref()) else {
+                    return (direct.substituted(&first, half), difference.scale);
+                };
+                if before > CANCELLED * after {
+                    // One inverse after the other, of which nothing is subtracted.
+                    let mut own = direct.substituted(&first, half);
+                    self.take_out(kernel, &mut own);
+                    let between = second.gamma - difference.small;
+                    return (direct.solve(second, &self.weighed(&own)), difference.scale * between);
+                }
+                let mut other = vec![0.0; B * self.mass.len()];
+                others.iter().zip(y.chunks_exact(B)).for_each(|(own, y)| own.add_to(y, &mut other));
+                let (mut own, other) =
+                    rayon::join(|| direct.substituted(&first, half), || direct.substituted(second, other));
+                add(&mut own, &other, -1.0);
+                (own, difference.scale)
+            };
+            let wanted = conditions.iter().flat_map(|condition| &condition.value[..B]);
+            let wanted = wanted.fold(0.0f64, |most, value| most.max(value.abs()));
+            let mut pulls = vec![0.0; size];
+            for step in 0.. {
+                let (y, amounts) = system.pulls(&right, &conditions, B)?;
+                let (mut own, scale) = answer(&y);
+                self.take_out(kernel, &mut own);
+                add(&mut field, &own, scale);
+                kernel.iter().zip(amounts).for_each(|(z, amount)| add(&mut field, z, amount));
+                pulls.iter_mut().zip(&y).for_each(|(sum, y)| *sum += y);
+                let values = faces.iter().flat_map(|&face| &field[B * face as usize..B * (face as usize + 1)]);
+                let (missing, most) = system.missing(values.copied(), &conditions, B, &pulls);
+                if most <= MET * wanted {
+                    break;
+                }
+                monitor.checkpoint()?;
+                if step == CORRECTIONS {
+                    // Digits are lost that no correction brings back.
+                    return Ok(None);
+                }
+                right.column_mut(0).copy_from_slice(&missing);
             }
-            add(&mut field, &own, difference.scale);
-            kernel.iter().zip(amounts).for_each(|(z, amount)| add(&mut field, z, amount));
         }
         let nearest = |design: &Design| {
             let found = weighted.nearest(basis, &self.weighed(&field));
@@ -217,6 +259,35 @@ impl<const B: usize> Whole<B> {
         };
         let coefficients = design.map(nearest);
         self.told(weighted, basis, constraints, coefficients, field, 0).map(Some)
+    }
+
+    /// Takes fields without energy out of another.
+    fn take_out(&self, kernel: &[Vec<f64>], field: &mut [f64]) {
+        for z in kernel {
+            let share = self.product(z, field);
+            add(field, z, -share);
+        }
+    }
+
+    /// As many numbers as there are fields without energy, at which no mixture of these vanishes, with what stiffness they have: by elimination with the
+    /// largest number of each field as pivot.
+    fn to_ground(&self, kernel: &[Vec<f64>]) -> Vec<(usize, f64)> {
+        let diagonal = self.stiffness.diagonal();
+        let mut fields = kernel.to_vec();
+        let mut numbers = Vec::with_capacity(fields.len());
+        for at in 0..fields.len() {
+            let (own, rest) = fields[at..].split_at_mut(1);
+            let own = &own[0];
+            let larger = |best: usize, i: usize| if own[i].abs() > own[best].abs() { i } else { best };
+            let pivot = (0..own.len()).fold(0, larger);
+            let stiff = diagonal[pivot / B][pivot % B][pivot % B];
+            numbers.push((pivot, if stiff > 0.0 { stiff } else { 1.0 }));
+            rest.par_iter_mut().for_each(|field| {
+                let share = field[pivot] / own[pivot];
+                field.iter_mut().zip(own).for_each(|(x, own)| *x -= share * own);
+            });
+        }
+        numbers
     }
 
     fn weighed(&self, field: &[f64]) -> Vec<f64> {
@@ -227,7 +298,7 @@ impl<const B: usize> Whole<B> {
 
     /// Fields without energy, by subspace iteration with the factor of the least shift; they are kept. `None` where there may be more than are looked
     /// for.
-    fn idle(
+    pub(super) fn idle(
         &self,
         direct: &Direct<B>,
         factor: &ShiftedFactor,

@@ -91,6 +91,48 @@ fn designs_by_factors_are_those_of_cycles() {
     }
 }
 
+/// On surfaces with fields without energy, with weights that take most digits from the difference of two inverses.
+#[test]
+fn exact_constraints_are_met_whatever_the_weights_and_the_surface() {
+    let plate = |length: f64, width: f64| {
+        let mut mesh = noisy(&generate(Shape::Rectangle, 400).unwrap(), 0.15, 2).unwrap();
+        mesh.positions.iter_mut().for_each(|p| (p[0], p[1]) = (length * p[0], width * p[1]));
+        mesh
+    };
+    let genus = generate(Shape::Genus(2), 900).unwrap();
+    let cases = [
+        (genus, FieldKind::Vector {}),
+        (plate(1.0, 1.0), FieldKind::NVector { n: 4 }),
+        (plate(1.0, 0.02), FieldKind::NVector { n: 1 }),
+        (plate(1.0, 0.3), FieldKind::Tensor {}),
+    ];
+    for (mesh, kind) in cases {
+        let p = problem(FieldSurface::new(mesh).unwrap(), kind, 120);
+        for (harmonic, biharmonic) in
+            [(1.0, 0.05), (1.0, 1.0), (1.0, 30.0), (1.0, 1000.0), (1.0, 1e5), (0.0, 1.0), (1.0, 0.0)]
+        {
+            let weighted = p.model.weighted(EnergyWeights { harmonic, biharmonic }, None).unwrap();
+            let constraints = spread(p.surface.faces(), 5, |_| Hold::Exact);
+            let (design, found) = p.least(&weighted, &constraints);
+            let by_steps = found.is_none();
+            let found = found.unwrap_or_else(|| {
+                p.factored.refine(&weighted, &p.basis, &constraints, &design, 1e-10, &Unwatched).unwrap()
+            });
+            let worst = found.residuals.iter().fold(0.0f64, |most, missed| most.max(*missed));
+            let energy = |a: f64, b: f64| harmonic * a + biharmonic * b;
+            let (least, reduced) = (
+                energy(found.harmonic_energy, found.biharmonic_energy),
+                energy(design.harmonic_energy, design.biharmonic_energy),
+            );
+            println!(
+                "{kind:?} {harmonic}:{biharmonic} steps {by_steps} missed {worst:.1e} energy {least:.6} of {reduced:.6}"
+            );
+            assert!(worst < 1e-7, "{kind:?} {harmonic}:{biharmonic}: {worst:e}");
+            assert!(least <= reduced * (1.0 + 1e-6), "{kind:?} {harmonic}:{biharmonic}: {least} {reduced}");
+        }
+    }
+}
+
 #[test]
 fn a_lone_stroke_misses_its_share_on_the_whole_surface_and_no_basis_changes_the_field() {
     for kind in KINDS {

@@ -406,6 +406,12 @@ impl<const B: usize> Whole<B> {
         if let Some(known) = self.kernel.get() {
             return Ok(known);
         }
+        if let Some(direct) = &self.direct {
+            let factor = direct.factor(&self.stiffness, &self.mass, 0.0).map_err(DesignError::Sparse)?;
+            if let Some(found) = self.idle(direct, &factor, monitor)? {
+                return Ok(found);
+            }
+        }
         let Some(about) = weighted.idle_fields(basis) else { return Ok(&[]) };
         let exact = self.polished(about, monitor)?;
         Ok(self.kernel.get_or_init(|| exact))

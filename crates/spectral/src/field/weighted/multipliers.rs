@@ -17,6 +17,8 @@ pub(in super::super) struct System {
     pub(in super::super) factor: DefiniteFactor,
     /// Mean of the diagonal before constraints gave way.
     mean: f64,
+    /// By how much each number gives way to a pull; nothing where a constraint is hard.
+    slacks: Vec<f64>,
 }
 
 impl WeightedModel {
@@ -71,8 +73,12 @@ impl System {
         b: usize,
     ) -> Result<Self, DesignError> {
         let mean = mean_of_diagonal(&matrix);
-        for (i, slack) in slacks(&matrix, conditions, b).into_iter().enumerate() {
-            matrix.column_mut(i)[i] += slack;
+        let mut slacks = slacks(&matrix, conditions, b);
+        for (i, slack) in slacks.iter_mut().enumerate() {
+            matrix.column_mut(i)[i] += *slack;
+            if is_hard(&conditions[i / b]) {
+                *slack = 0.0;
+            }
         }
         let factor = DefiniteFactor::new(matrix.clone()).map_err(|error| match error {
             DefiniteError::NotPositiveDefinite { pivot } => {
@@ -80,7 +86,22 @@ impl System {
             }
             other => DesignError::Factor(other),
         })?;
-        Ok(Self { matrix, factor, mean })
+        Ok(Self { matrix, factor, mean, slacks })
+    }
+
+    /// What is missing at each constrained number of a field, whose numbers there are `values`, under pulls; and the most of it where a constraint is hard.
+    pub(in super::super) fn missing(
+        &self,
+        values: impl Iterator<Item = f64>,
+        conditions: &[Condition],
+        b: usize,
+        y: &[f64],
+    ) -> (Vec<f64>, f64) {
+        let own = |(i, value): (usize, f64)| conditions[i / b].value[i % b] - value - self.slacks[i] * y[i];
+        let missing: Vec<f64> = values.enumerate().map(own).collect();
+        let hard = missing.iter().enumerate().filter(|(i, _)| is_hard(&conditions[i / b]));
+        let most = hard.fold(0.0f64, |most, (_, missed)| most.max(missed.abs()));
+        (missing, most)
     }
 
     /// Has hard constraints give way no longer. Where `K⁻¹` is a sparse factor, a pull moves what has nearly no energy so far that the share of it
@@ -97,8 +118,7 @@ impl System {
             let mut rest = DenseMatrix::zeros(k, 1);
             for i in 0..k {
                 let own: f64 = self.matrix.column(i).iter().zip(y.iter()).map(|(s, y)| s * y).sum();
-                let hard = matches!(conditions[i / b].slack, Slack::Share(share) if share == HARD);
-                let given = if hard { HARD * self.mean * y[i] } else { 0.0 };
+                let given = if is_hard(&conditions[i / b]) { HARD * self.mean * y[i] } else { 0.0 };
                 rest.column_mut(0)[i] = right[i] - own + given;
             }
             self.factor.solve(&mut rest).map_err(DesignError::Factor)?;
@@ -106,6 +126,10 @@ impl System {
         }
         Ok(())
     }
+}
+
+fn is_hard(condition: &Condition) -> bool {
+    matches!(condition.slack, Slack::Share(share) if share == HARD)
 }
 
 /// `k × (1 + f)`: what is missing at each constrained number, and there the values of the `f` fields of the kernel.
