@@ -119,6 +119,23 @@ impl FullSpace {
         self.least_with(weighted, basis, constraints, None, monitor)
     }
 
+    /// A field with the coefficients of the field of the space that is nearest to it, and how far that is; as it is, where the model has no Ritz coordinates.
+    ///
+    /// # Errors
+    /// [`RefineError::Design`]: the space is of another surface.
+    pub fn with_nearest(
+        &self,
+        weighted: &WeightedModel,
+        basis: &FieldBasis,
+        found: Refined,
+    ) -> Result<Refined, RefineError> {
+        self.check(weighted, basis)?;
+        match &self.inner {
+            Inner::Two(whole) => whole.with_nearest(weighted, basis, found),
+            Inner::Three(whole) => whole.with_nearest(weighted, basis, found),
+        }
+    }
+
     fn least_with(
         &self,
         weighted: &WeightedModel,
@@ -259,6 +276,19 @@ impl<const B: usize> Whole<B> {
         };
         let coefficients = design.map(nearest);
         self.told(weighted, basis, constraints, coefficients, field, 0).map(Some)
+    }
+
+    fn with_nearest(
+        &self,
+        weighted: &WeightedModel,
+        basis: &FieldBasis,
+        mut found: Refined,
+    ) -> Result<Refined, RefineError> {
+        if let Some(coefficients) = weighted.nearest(basis, &self.weighed(&found.field)) {
+            found.distance = self.apart(basis, &coefficients, &found.field)?;
+            found.coefficients = coefficients;
+        }
+        Ok(found)
     }
 
     /// Takes fields without energy out of another.

@@ -382,7 +382,7 @@ impl<const B: usize> Whole<B> {
     }
 
     /// How far the field of coefficients is from another one, as a share of the length of that.
-    fn apart(&self, basis: &FieldBasis, coefficients: &[f32], field: &[f64]) -> Result<f64, DesignError> {
+    pub(super) fn apart(&self, basis: &FieldBasis, coefficients: &[f32], field: &[f64]) -> Result<f64, DesignError> {
         let (got, wanted) = (coefficients.len(), basis.space.dimension());
         let reduced = basis.space.lift(coefficients);
         let reduced = reduced.ok_or(DesignError::Length { what: "coefficients", got, wanted })?;

@@ -74,7 +74,7 @@ pub struct Weights {
     #[cfg_attr(feature = "schema", schema(default = 1.0, minimum = 0.0))]
     pub harmonic: f64,
     /// Of the biharmonic energy, without which a field has no value at a point: with 0 the answer to strokes and constraints on single faces depends
-    /// on the dimension of the basis. By default a twentieth of `harmonic`.
+    /// on how fine the mesh is, and in the space of the basis on its dimension. By default a twentieth of `harmonic`.
     #[cfg_attr(feature = "schema", schema(minimum = 0.0))]
     pub biharmonic: Option<f64>,
     /// Which biharmonic energy: that of the projected Laplacian, which fields of the space can make small, or the full (unreduced) one of the whole

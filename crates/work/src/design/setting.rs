@@ -377,7 +377,11 @@ impl Setting {
             };
             match least {
                 Some(found) => Ok(found),
-                None => full.refine(weighted, basis, constraints, design, request.refine.unwrap_or(CLOSE), monitor),
+                None => {
+                    let tolerance = request.refine.unwrap_or(CLOSE);
+                    let found = full.refine(weighted, basis, constraints, design, tolerance, monitor)?;
+                    full.with_nearest(weighted, basis, found)
+                }
             }
         };
         let refined = match whole() {
