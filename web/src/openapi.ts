@@ -6995,7 +6995,7 @@ export interface components {
             /**
              * Format: double
              * @description Of the biharmonic energy, without which a field has no value at a point: with 0 the answer to strokes and constraints on single faces depends
-             *     on the dimension of the basis. By default a twentieth of `harmonic`.
+             *     on how fine the mesh is, and in the space of the basis on its dimension. By default a twentieth of `harmonic`.
              */
             biharmonic?: number | null;
             /**
