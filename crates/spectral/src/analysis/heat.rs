@@ -229,13 +229,14 @@ fn default_times(
             (low[k], high[k]) = (low[k].min(position[k]), high[k].max(position[k]));
         }
     }
-    let time = |((sum, count), (low, high)): (&(f64, usize), &([f64; 3], [f64; 3]))| {
+    let time = |component: usize| {
+        let ((sum, count), (low, high)) = (edges[component], boxes[component]);
         let diagonal = (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f64>().sqrt();
-        let time = (unit * sum / (*count).max(1) as f64).max(SHORTEST * diagonal).powi(2);
+        let time = (unit * sum / count.max(1) as f64).max(SHORTEST * diagonal).powi(2);
         // A vertex alone, to which nothing flows.
-        if *count > 0 && time > 0.0 { time } else { unit * unit }
+        if count > 0 && time > 0.0 { time } else { unit * unit }
     };
-    edges.iter().zip(&boxes).map(time).collect()
+    (0..n).map(time).collect()
 }
 
 #[cfg(test)]

@@ -77,8 +77,15 @@ pub(super) struct ShiftedFactor {
     pub gamma: f64,
     numbers: FactorNumbers,
     halves: Mutex<Halves>,
-    /// Halves of the solves for the images of fields without energy, and what these solves have in common with the images.
-    idle: OnceLock<(Vec<Vec<f64>>, Vec<Vec<f64>>)>,
+    idle: OnceLock<IdleSolves>,
+}
+
+/// What solves for the images of fields without energy leave.
+struct IdleSolves {
+    /// Halves of them.
+    halves: Vec<Vec<f64>>,
+    /// What they have in common with the images.
+    square: Vec<Vec<f64>>,
 }
 
 /// Halves of solves by the faces that pull, with the bytes that they take.
@@ -265,12 +272,12 @@ impl<const B: usize> Direct<B> {
         factor: &'f ShiftedFactor,
         images: impl FnOnce() -> Vec<Vec<f64>>,
     ) -> (&'f [Vec<f64>], &'f [Vec<f64>]) {
-        let (halves, square) = factor.idle.get_or_init(|| {
+        let IdleSolves { halves, square } = factor.idle.get_or_init(|| {
             let images = images();
             let halves: Vec<Vec<f64>> = images.par_iter().map(|image| self.eliminated(factor, image)).collect();
             let solved: Vec<Vec<f64>> = halves.par_iter().map(|half| self.substituted(factor, half.clone())).collect();
             let square = images.iter().map(|image| solved.iter().map(|x| dot(image, x)).collect()).collect();
-            (halves, square)
+            IdleSolves { halves, square }
         });
         (halves, square)
     }
