@@ -97,7 +97,7 @@ impl NativeBasis {
         mesh: Option<&NativeMesh>,
         maps: Option<(PyReadonlyArray1<'_, i32>, PyReadonlyArray1<'_, i32>)>,
     ) -> PyResult<Self> {
-        let basis = watch::run(py, None, |_| Ok(npz::read(content)?))?;
+        let basis = watch::run(py, None, |_| Ok(npz::check_sums(content).and_then(|()| npz::read(content))?))?;
         let n = basis.vertices();
         let mut made = Self::new(Arc::new(basis), mesh.map(|mesh| Arc::clone(&mesh.body)), Vec::new());
         if let Some(body) = &made.mesh {

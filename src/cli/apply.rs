@@ -44,7 +44,7 @@ impl Stored {
         read: impl FnOnce(&[u8]) -> Result<T, chladni_spectral::formats::FormatError>,
     ) -> Result<T, CliError> {
         let (bytes, _) = read_bytes(&self.basis)?;
-        read(&bytes).map_err(|error| CliError::mesh(&self.basis, error))
+        npz::check_sums(&bytes).and_then(|()| read(&bytes)).map_err(|error| CliError::mesh(&self.basis, error))
     }
 
     /// The basis of functions on the vertices of the mesh, and the mesh; where the basis is of the inside of a solid, with its inner vertices too.

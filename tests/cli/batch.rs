@@ -144,6 +144,11 @@ fn what_is_stale_or_cut_off_does_not_pass_for_a_result() {
         assert_eq!(lines(&run(&["30"]))["torus.ply"]["status"], "made", "{cut}");
         assert_eq!(lines(&run(&["30"]))["torus.ply"]["status"], "there", "{cut}");
     }
+    let mut flipped = fs::read(&result).unwrap();
+    let middle = flipped.len() / 2;
+    flipped[middle] ^= 1;
+    fs::write(&result, &flipped).unwrap();
+    assert_eq!(lines(&run(&["30"]))["torus.ply"]["status"], "made");
 }
 
 #[test]

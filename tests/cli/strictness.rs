@@ -49,6 +49,24 @@ fn a_basis_is_not_taken_for_one_of_another_mesh_with_as_many_vertices() {
 }
 
 #[test]
+fn a_basis_that_is_damaged_is_not_computed_with() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = torus(folder.path());
+    let (mesh, basis) = (mesh.to_str().unwrap(), folder.path().join("basis.npz"));
+    let path = basis.to_str().unwrap();
+    assert_eq!(code(&chladni(&["solve", mesh, "-n", "20", "--method", "hsim", "-q", "-o", path])), 0);
+    let mut bytes = std::fs::read(&basis).unwrap();
+    // In the middle lie numbers of functions, which nothing else would tell.
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(&basis, bytes).unwrap();
+    let request = r#"{"distance": {"kind": "biharmonic"}, "sources": [0]}"#;
+    let output = chladni(&["distances", path, mesh, "--request", request]);
+    assert_eq!(code(&output), 1, "{}", stderr(&output));
+    assert!(stderr(&output).contains("functions"), "{}", stderr(&output));
+}
+
+#[test]
 fn a_run_without_a_file_does_not_say_that_something_was_stored() {
     let folder = tempfile::tempdir().unwrap();
     let mesh = torus(folder.path());

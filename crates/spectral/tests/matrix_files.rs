@@ -122,6 +122,13 @@ fn what_does_not_fit_is_named() {
         let message = read(&bytes).unwrap_err().to_string();
         assert!(message.contains(expected), "{message}");
     }
+    // A number that was changed on the way is one as well.
+    let mut changed = parts(&[0, 1, 2, 3], &[0, 1, 2]);
+    let number = 1f64.to_le_bytes();
+    let at = changed.windows(8).rposition(|bytes| bytes == number).unwrap();
+    changed[at] ^= 1;
+    let message = read(&changed).unwrap_err().to_string();
+    assert!(message.contains("'data': it is damaged"), "{message}");
     let few = MatrixLimits { rows: 2, entries: 100 };
     let message = MatrixFile::read(&parts(&[0, 1, 2, 3], &[0, 1, 2]), &few).unwrap_err().to_string();
     assert_eq!(message, "3 rows are more than the 2 that are read");

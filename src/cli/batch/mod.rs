@@ -19,6 +19,7 @@ use chladni_base::Unwatched;
 use chladni_mesh::check::{CheckOptions, Merge};
 use chladni_mesh::read::MeshFormat;
 use chladni_spectral::basis::{Product, ProductKind};
+use chladni_spectral::formats::npz;
 use chladni_work::{JobParameters, MESH_KINDS, SOLVER_VERSION};
 use serde_json::{Value, json};
 
@@ -283,7 +284,8 @@ fn is_whole(path: &Path, job: &JobParameters, promises: &Promises) -> Result<boo
     let (Some(kind), Ok(found)) = (kind, fs::metadata(path)) else { return Ok(false) };
     // The bytes and what is made of them.
     let _promise = promises.take(found.len().saturating_mul(2))?;
-    Ok(fs::read(path).is_ok_and(|bytes| Product::read_npz(kind, &bytes).is_ok()))
+    let reads = |bytes: Vec<u8>| npz::check_sums(&bytes).is_ok() && Product::read_npz(kind, &bytes).is_ok();
+    Ok(fs::read(path).is_ok_and(reads))
 }
 
 fn is_newer(path: &Path, than: &Path) -> bool {

@@ -88,7 +88,7 @@ fn table(part: &Part, (number, parts): (usize, NonZeroUsize), path: &Path, total
     let what = match &part.slices {
         Ok(slices) => {
             let from = slices.first().map_or(0, |slice| slice.from);
-            format!("{of}: {} pairs above the kernel, from the {}th on", grouped(pairs(part)), grouped(from + 1))
+            format!("{of}: {} pairs above the kernel, from number {} on", grouped(pairs(part)), grouped(from + 1))
         }
         Err(reason) => format!("{of} was given up, and join will solve the whole: {reason}"),
     };

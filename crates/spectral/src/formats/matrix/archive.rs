@@ -94,6 +94,11 @@ impl Archive<'_> {
             }
             _ => return Err(refuse(name, "it is encrypted, or compressed by other means than deflate")),
         }
+        let mut sum = flate2::Crc::new();
+        sum.update(&bytes);
+        if bytes.len() as u64 <= most && sum.sum() != file.crc32() {
+            return Err(refuse(name, "it is damaged: its bytes are not those that its checksum is of"));
+        }
         if bytes.len() as u64 > most {
             return Err(MatrixError::TooLarge { what: "bytes of an array", found: bytes.len() as u64, most });
         }
