@@ -120,6 +120,19 @@ fn paths_grids_and_tori_have_their_spectra_with_every_multiplicity() {
     proven(&laplacian(2304, &grid(48, 48, true)), &Mass::Identity, &lowest(45), &exact[..45], 1e-9);
 }
 
+/// A hub and a rim: all but the ends of the spectrum lie in `[1, 5]`, and the lowest of them a hundred-thousandth apart.
+#[test]
+fn clusters_far_above_zero_are_told_apart() {
+    for rim in [1500, 2500] {
+        let edges: Vec<_> = (1..=rim).flat_map(|at| [(0, at), (at, at % rim + 1)]).collect();
+        let turn = |k: usize| 3.0 - 2.0 * (2.0 * PI * k as f64 / rim as f64).cos();
+        let exact = sorted([0.0, rim as f64 + 1.0].into_iter().chain((1..rim).map(turn)));
+        for count in [10, 30] {
+            proven(&laplacian(rim + 1, &edges), &Mass::Identity, &lowest(count), &exact[..count], 1e-12);
+        }
+    }
+}
+
 #[test]
 fn complete_graphs_stars_and_copies() {
     let complete: Vec<_> = (0..60).flat_map(|a| (0..a).map(move |b| (a, b))).collect();

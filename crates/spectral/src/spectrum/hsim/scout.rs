@@ -14,6 +14,14 @@ pub(super) const NEGLIGIBLE: f64 = 1e-10;
 /// Shifts that are tried on the way up.
 const MOST: usize = 8;
 
+/// The same for one shift among eigenvalues where factors are sparse, of so many entries a row at most: clusters a hundred-thousandth of their distance from
+/// zero wide, as of a graph with a hub, take so many halvings. Without a shift among them a space does not tell them apart.
+const MOST_SPARSE: usize = 30;
+const SPARSE: usize = 100;
+
+/// What is closer together is one eigenvalue of many vectors.
+const NARROW: f64 = 1e-9;
+
 /// So many times the wanted number of eigenvalues are aimed at.
 const ABUNDANT: f64 = 1.6;
 
@@ -167,8 +175,14 @@ impl<'a> Scout<'a> {
         let spread = self.spread();
         let mut at = first.clamp(least * spread, spread);
         let (mut few, mut many): (Tried, Tried) = (None, None);
-        for attempt in 0..MOST {
+        let sparse = self.symbolic.entries() <= SPARSE * self.level.size();
+        for attempt in 0..if sparse { MOST_SPARSE } else { MOST } {
             monitor.checkpoint()?;
+            if let (true, Some((low, _)), Some((high, _))) = (attempt >= MOST, few, many)
+                && high - low <= NARROW * high
+            {
+                break;
+            }
             let enough = if attempt < SOME { &target.enough } else { &target.at_last };
             let storage = std::mem::take(&mut self.storage);
             let (shift, factor) = match factor_near(self.level, self.symbolic, at, spread, storage) {
@@ -190,7 +204,12 @@ impl<'a> Scout<'a> {
                 }
                 many = Some((at, below));
             }
-            at = next(few, many, target.below).clamp(least * spread, spread);
+            at = match (few, many) {
+                // Where a law does not hold, halves do.
+                (Some((low, _)), Some((high, _))) if attempt >= SOME && attempt % 2 == 0 => 0.5 * (low + high),
+                _ => next(few, many, target.below),
+            };
+            at = at.clamp(least * spread, spread);
         }
         Ok(None)
     }
