@@ -116,6 +116,11 @@ impl Run {
         }
         let Certificate { residuals, estimates, bounds, .. } = certificate;
         text += &eigenvalue_table(&self.basis.eigenvalues, residuals, estimates, bounds);
+        if let Some(flat @ 1..) = self.basis.metadata["operator"]["flat_tetrahedra"].as_u64() {
+            text += &format!(
+                "\ntetrahedra that are flat but for rounding, and left out: {flat}; all values are those of the others\n"
+            );
+        }
         if let Some(accuracy) = certificate.accuracy {
             text += &format!(
                 "\nestimated error: {:.2} % at most; the goal is {} %{}\n",
