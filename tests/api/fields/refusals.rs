@@ -200,6 +200,10 @@ async fn jobs_that_do_not_fit_are_refused_and_surfaces_without_fields_are_named(
             "{job}"
         );
         assert!(text(&job["problem"]["detail"]).contains(words), "{job}");
+        // What has one side has frames, and fields of other kinds than the one that was asked for.
+        if words == "in the same direction" {
+            continue;
+        }
         let frames = app.get(&format!("/v1/meshes/{}/frames", text(&mesh["id"]))).send().await.unwrap();
         let problem: Value = frames.json().await.unwrap();
         assert_eq!(problem["type"], "/problems/no-field-surface", "{problem}");

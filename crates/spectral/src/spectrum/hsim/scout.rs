@@ -158,7 +158,10 @@ impl<'a> Scout<'a> {
         let of = |shares: std::ops::RangeInclusive<f64>| {
             (shares.start() * wanted as f64).floor()..=(shares.end() * wanted as f64).ceil()
         };
-        let target = Target { below: MIDDLE * wanted as f64, enough: of(MIDDLE_ENOUGH), at_last: of(MIDDLE_AT_LAST) };
+        // One at least: from a shift below all that is wanted a cluster far above it is a cluster.
+        let at_last = of(MIDDLE_AT_LAST);
+        let at_last = at_last.start().max(1.0)..=*at_last.end();
+        let target = Target { below: MIDDLE * wanted as f64, enough: of(MIDDLE_ENOUGH), at_last };
         let first = self.distance(target.below);
         self.shift_below(&target, (first, least), kernel, monitor)
     }
@@ -211,7 +214,11 @@ impl<'a> Scout<'a> {
             };
             at = at.clamp(least * spread, spread);
         }
-        Ok(None)
+        // Nothing lies between one eigenvalue of many vectors and nothing: of a few that are wanted a shift below will do.
+        let Some((at, 0)) = few.filter(|_| *target.at_last.start() <= 1.0) else { return Ok(None) };
+        let (at, factor) = factor_near(self.level, self.symbolic, at, spread, std::mem::take(&mut self.storage))?;
+        let below = factor.eigenvalues_below().saturating_sub(kernel);
+        Ok(Some(Shift { at, factor, below }))
     }
 
     /// Memory of a factor that is not needed any more, for the next one.
