@@ -102,7 +102,7 @@ fn lengths(mesh: &TriangleMesh, faces: &[[u32; 3]], scale: f64) -> Vec<[f64; 3]>
 }
 
 /// Adds the least length to every edge of a component that lets all its triangles close with a margin; gives its share of the mean length, the largest of all
-/// components. One that is a millionth of others is no less a surface: by a mean over all its triangles would count as degenerate.
+/// components. One that is a millionth of the others is no less a surface; measured by the mean of all, its triangles would count as degenerate.
 fn mollify(table: &EdgeTable, faces: &[[u32; 3]], lengths: &mut [[f64; 3]]) -> Result<f64, CoverError> {
     let (mut sum, mut edges) = (0.0, 0usize);
     table.for_each_edge(|_, _, records| {

@@ -199,6 +199,8 @@ impl<const B: usize> Direct<B> {
         if let Some(kept) = self.kept_factor(0.0) {
             return Ok(kept);
         }
+        // The factor that told which fields have no energy is done with: with it there would be three at once, where there may be room for two.
+        self.factors.lock().unwrap_or_else(PoisonError::into_inner).retain(|factor| factor.gamma > FLOOR);
         let mut added = vec![0.0; B * self.order.len()];
         for (number, add) in numbers() {
             added[self.places[number / B] as usize + number % B] = add;
