@@ -160,7 +160,7 @@ pub fn distances(arguments: DistancesArguments) -> Result<ExitCode, CliError> {
     if let Some(error) = found.slope_error {
         let percent = 100.0 * error;
         eprintln!(
-            "distances by heat: slopes are {percent:.1} % off on average, distances by less; the method \"exact\" has no such error"
+            "distances by heat: slopes are {percent:.1} % off, distances by about as much or less; the method \"exact\" has no such error"
         );
     }
     let table = request.translated(&to, found.table);
