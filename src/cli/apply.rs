@@ -195,7 +195,8 @@ pub fn filtered(arguments: FilterArguments) -> Result<ExitCode, CliError> {
     let positions: Vec<[f64; 3]> = (0..vertices).map(position).collect();
     let attributes = attributes.as_ref().map(|attributes| attributes.moved(&mesh, &positions));
     let moved = TriangleMesh { positions, faces: std::mem::take(&mut mesh.faces), ..Default::default() };
-    output.write(|out| Ok(format.write(&moved, attributes.as_deref(), PlyPrecision::Single, out)?))?;
+    let precision = PlyPrecision::of(&moved.positions);
+    output.write(|out| Ok(format.write(&moved, attributes.as_deref(), precision, out)?))?;
     Ok(ExitCode::SUCCESS)
 }
 
