@@ -111,8 +111,8 @@ pub enum DistanceFault {
 pub struct Distances {
     /// A row for each vertex or pair, a column for each source and, within it, each time.
     pub table: DenseMatrix,
-    /// Of geodesic distances by heat, by how much their slope, which is one, differs from one, on average over the area that is reached: the largest of all
-    /// sources. They are off by less than this share of themselves.
+    /// Of geodesic distances by heat, by how much their slope, which is one, differs from one, on average over the area that is reached or along paths to the
+    /// sources: the largest of all sources. They are off by about this share of themselves or less.
     pub slope_error: Option<f64>,
 }
 
