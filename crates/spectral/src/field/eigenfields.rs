@@ -11,6 +11,7 @@ use chladni_base::Monitor;
 use rayon::prelude::*;
 
 use super::design::{DesignError, length};
+use super::kernel::Kernel;
 use super::refine::{FullSpace, Inner, RefineError};
 use super::refine_response::{Factor, Whole, add, dot};
 use crate::basis::{FieldAccuracyReport, FieldCertificate};
@@ -84,12 +85,19 @@ pub struct WholeField {
 impl LowestFields {
     /// What they tell of approximate ones of these values, on unit area, of a surface of an area.
     pub fn certificate(&self, values: &[f64], area: f64) -> FieldCertificate {
+        self.certificate_above(values, 0, area)
+    }
+
+    /// The same where these are those above `idle` fields without energy.
+    pub fn certificate_above(&self, values: &[f64], idle: usize, area: f64) -> FieldCertificate {
         let (mut estimates, mut bounds, mut largest) = (Vec::new(), Vec::new(), 0.0f64);
-        for (own, value) in self.fields.iter().zip(values) {
-            let estimate = own.gained + own.left;
+        let nothing = values.iter().take(idle).map(|&value| (value, value, value));
+        let above = self.fields.iter().zip(values.iter().skip(idle));
+        let above = above.map(|(own, &value)| (value, own.gained + own.left, own.gained + own.bound));
+        for (value, estimate, bound) in nothing.chain(above) {
             largest = largest.max(estimate / share_of(value - estimate));
             estimates.push(estimate / area);
-            bounds.push(Some((own.gained + own.bound) / area).filter(|bound| bound.is_finite()));
+            bounds.push(Some(bound / area).filter(|bound| bound.is_finite()));
         }
         let accuracy = FieldAccuracyReport { goal: USUAL, largest_estimate: largest, reached: largest <= USUAL };
         FieldCertificate { estimates, bounds, accuracy }
@@ -141,8 +149,27 @@ impl FullSpace {
             return Ok(LowestFields { reached: true, ..LowestFields::default() });
         }
         match &self.inner {
-            Inner::Two(whole) => Lowest::new(whole, start, wanted)?.run(goal, monitor),
-            Inner::Three(whole) => Lowest::new(whole, start, wanted)?.run(goal, monitor),
+            Inner::Two(whole) => Lowest::new(whole, None, start, wanted)?.run(goal, monitor),
+            Inner::Three(whole) => Lowest::new(whole, None, start, wanted)?.run(goal, monitor),
+        }
+    }
+
+    /// The same of the fields above those without energy, which [`count_idle`](Self::count_idle) has found: they are not among `start`, and are kept
+    /// component by component, so that there may be many.
+    ///
+    /// # Errors
+    /// As for [`eigenfields`](Self::eigenfields).
+    pub fn eigenfields_above_idle(
+        &self,
+        start: Vec<Vec<f64>>,
+        wanted: usize,
+        goal: EigenfieldGoal,
+        monitor: &dyn Monitor,
+    ) -> Result<LowestFields, RefineError> {
+        let wanted = wanted.min(start.len());
+        match &self.inner {
+            Inner::Two(whole) => Lowest::new(whole, whole.kernel.get(), start, wanted)?.run(goal, monitor),
+            Inner::Three(whole) => Lowest::new(whole, whole.kernel.get(), start, wanted)?.run(goal, monitor),
         }
     }
 }
@@ -152,7 +179,9 @@ struct Lowest<'a, const B: usize> {
     whole: &'a Whole<B>,
     factor: Factor<'a, B>,
     wanted: usize,
-    /// Fields without energy, orthonormal, with the little that they have. Nothing below them is looked for: no value is negative.
+    /// Fields without energy that are known beforehand.
+    kernel: Option<&'a Kernel>,
+    /// Others without energy, orthonormal, with the little that they have. Nothing below them is looked for: no value is negative.
     idle: Vec<(Vec<f64>, f64)>,
     /// The others, orthonormal, each with its value; `S` is diagonal among them.
     fields: Vec<Vec<f64>>,
@@ -178,11 +207,16 @@ fn share_of(value: f64) -> f64 {
 }
 
 impl<'a, const B: usize> Lowest<'a, B> {
-    fn new(whole: &'a Whole<B>, start: Vec<Vec<f64>>, wanted: usize) -> Result<Self, RefineError> {
+    fn new(
+        whole: &'a Whole<B>,
+        kernel: Option<&'a Kernel>,
+        start: Vec<Vec<f64>>,
+        wanted: usize,
+    ) -> Result<Self, RefineError> {
         let factor = whole.factor(SHIFT)?;
         let count = start.len();
         let (idle, fields, values, steps) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        let mut made = Self { whole, factor, wanted, idle, fields, values, steps };
+        let mut made = Self { whole, factor, wanted, kernel, idle, fields, values, steps };
         // They were stored in single precision: made orthonormal, their values stay what they were to seven digits.
         made.fields = made.orthonormal(Vec::new(), start);
         made.lower(count)?;
@@ -211,6 +245,7 @@ impl<'a, const B: usize> Lowest<'a, B> {
 
     /// Takes orthonormal fields out of a field.
     fn without(&self, fields: &[Vec<f64>], own: &mut [f64]) {
+        self.kernel.iter().for_each(|kernel| kernel.take_out(self.whole, own));
         let mut image = own.to_vec();
         self.whole.weigh(&mut image);
         let known = || self.idle.iter().map(|own| &own.0).chain(fields);
