@@ -157,6 +157,7 @@ pub fn nearest(distances: &DenseMatrix, times: usize) -> DenseMatrix {
 mod tests {
     use super::*;
     use crate::analysis::fixtures::{chain, dense};
+    use crate::analysis::signature::Signature;
 
     const N: usize = 60;
 
