@@ -148,6 +148,24 @@ fn many_constraints_give_what_the_assembled_system_gives_whatever_was_asked_befo
     }
 }
 
+/// Strengths depend on what all constrained faces yield on average, which changes with every face that moves.
+#[test]
+fn strokes_of_a_strength_that_stay_are_factored_once_while_another_is_dragged() {
+    let r = set_up(Shape::Sphere, 1500, FieldKind::NVector { n: 4 }, 300);
+    let model = r.model.weighted(MIXED, None).unwrap();
+    let mut constraints = strokes(&r, 200, 0.3, Hold::Strength(1.0));
+    let mut factors = Vec::new();
+    for frame in 0..8 {
+        // Faces that no other stroke is on.
+        let beside = (1003..).filter(|face| constraints[6..].iter().all(|c| c.face != *face));
+        let faces: Vec<u32> = beside.skip(5 * frame).take(6).collect();
+        constraints.iter_mut().zip(faces).for_each(|(c, face)| c.face = face);
+        model.solve(&r.basis, &constraints).unwrap();
+        factors.push(model.last_factor_of_many());
+    }
+    assert!(factors[1].0 >= 185 && factors[2..].iter().all(|factor| *factor == factors[1]), "{factors:?}");
+}
+
 #[test]
 fn what_is_dragged_among_few_columns_gives_what_the_assembled_system_gives() {
     let r = set_up(Shape::Sphere, 1500, FieldKind::NVector { n: 4 }, 600);

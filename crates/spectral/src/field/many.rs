@@ -209,6 +209,13 @@ impl Setting<'_> {
 }
 
 impl Many {
+    /// The constraints that the factor of the last design holds, and where that is in memory.
+    #[cfg(test)]
+    pub fn last_factor(&self) -> (usize, usize) {
+        let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.first().map_or((0, 0), |kept| (kept.base.held.len(), Arc::as_ptr(&kept.base) as usize))
+    }
+
     /// The coefficients of least energy under constraints without repetitions, and the pull `force` of alignments. `None` where the matrix is not
     /// definite.
     ///
@@ -269,6 +276,9 @@ impl Many {
             vec![[[0.0; 3]; 3]; constraints.len()]
         };
         let mean = moved.iter().map(|own| slack::mean(own, b)).sum::<f64>() / moved.len().max(1) as f64;
+        // To a power of two: it only bounds what the least yield, and its last digits change with every face that moves. They would change all weights by
+        // rounding, and nothing would have stayed as it was.
+        let mean = mean.log2().round().exp2();
         let weight = |(c, moved): (&Constraint, &Yield)| match c.hold {
             Hold::Strength(strength) => {
                 Some(slack::of_share(moved, b, &c.value, 1.0 / (FIRM * strength), mean).recip())

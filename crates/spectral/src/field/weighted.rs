@@ -519,6 +519,12 @@ impl WeightedModel {
         inverse + 48 * self.model.dimension() as u64
     }
 
+    /// What is kept of many constraints.
+    #[cfg(test)]
+    pub(super) fn last_factor_of_many(&self) -> (usize, usize) {
+        self.many.last_factor()
+    }
+
     /// Whether both designs are solved by one sparse factor.
     #[cfg(test)]
     pub(super) fn shares_its_factor(&self, other: &Self) -> bool {
