@@ -157,6 +157,7 @@ impl From<PartError> for JobError {
     fn from(error: PartError) -> Self {
         match error {
             PartError::Solver(error) => error.into(),
+            PartError::Approximation(error) => error.into(),
             other => Self::Parts(other),
         }
     }

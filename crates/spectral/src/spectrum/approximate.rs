@@ -2,6 +2,7 @@
 
 mod attempt;
 mod error;
+pub mod parts;
 mod reduce;
 mod space;
 
@@ -159,24 +160,28 @@ impl Found<'_> {
 
     /// What came of the goal.
     pub(super) fn report(&self, domain: Domain<'_>, goal: f64) -> AccuracyReport {
-        let Self { attempt, built, rounds, .. } = self;
-        AccuracyReport {
-            goal,
-            largest_estimate: attempt.largest_estimate,
-            reached: attempt.largest_estimate <= goal && attempt.hidden == 0,
-            rounds: *rounds,
-            dimension: attempt.ritz.space.columns(),
-            hats: hats::count(&attempt.ritz.space),
-            heat_steps: match *built {
-                Space::Heat(heat) => Some(domain.heat(heat).steps),
-                Space::Radial(_) => None,
-            },
-        }
+        report(domain, &self.attempt, self.built, self.rounds, goal)
     }
 
     /// Whether there are eigenvalues below the last pair's that no pair stands for.
     pub(super) fn hides_some(&self) -> bool {
         self.attempt.hidden > 0
+    }
+}
+
+/// What came of a goal.
+fn report(domain: Domain<'_>, attempt: &Attempt, built: Space, rounds: usize, goal: f64) -> AccuracyReport {
+    AccuracyReport {
+        goal,
+        largest_estimate: attempt.largest_estimate,
+        reached: attempt.largest_estimate <= goal && attempt.hidden == 0,
+        rounds,
+        dimension: attempt.ritz.space.columns(),
+        hats: hats::count(&attempt.ritz.space),
+        heat_steps: match built {
+            Space::Heat(heat) => Some(domain.heat(heat).steps),
+            Space::Radial(_) => None,
+        },
     }
 }
 
@@ -190,14 +195,7 @@ pub(super) fn search<'a>(
 ) -> Result<Found<'a>, ApproximationError> {
     let problem = &operator.problem;
     let (count, goal) = (parameters.count, parameters.goal.map(|goal| goal.error));
-    let mut guards = self::guards(count, problem.size() / parameters.dimension.max(1)).max(guards);
-    if parameters.certify {
-        guards = guards.max(lehmann::guards(count));
-    }
-    let kernel = hsim::constants_in_kernel(&problem.stiffness, &problem.mass);
-    // Eigenvalues are counted above the kernel, even if only a part of that is wanted.
-    let pairs = if parameters.certify { count.max(kernel) } else { count };
-    let columns = (pairs + guards).min(parameters.dimension.max(pairs)).min(problem.size()).max(count);
+    let (kernel, columns) = pairs_with_guards(problem, &parameters, guards);
     let most = most_columns(problem.size(), parameters.dimension.max(count));
     let mut attempt = Attempt::new(
         ritz(domain, operator, &mut parameters, columns, monitor)?.with_zeros(problem, kernel),
@@ -242,6 +240,19 @@ pub(super) fn search<'a>(
     Ok(Found { attempt, energy, built, rounds })
 }
 
+/// The dimension of the kernel, and the pairs that are computed, at least `guards` beyond the wanted ones among them.
+fn pairs_with_guards(problem: &EigenProblem, parameters: &ApproximationParameters, guards: usize) -> (usize, usize) {
+    let count = parameters.count;
+    let mut guards = self::guards(count, problem.size() / parameters.dimension.max(1)).max(guards);
+    if parameters.certify {
+        guards = guards.max(lehmann::guards(count));
+    }
+    let kernel = hsim::constants_in_kernel(&problem.stiffness, &problem.mass);
+    // Eigenvalues are counted above the kernel, even if only a part of that is wanted.
+    let pairs = if parameters.certify { count.max(kernel) } else { count };
+    (kernel, (pairs + guards).min(parameters.dimension.max(pairs)).min(problem.size()).max(count))
+}
+
 /// [`approximate`] on a problem of unit size, whose area is the square of the length that is 1 there.
 fn on_unit_size(
     domain: Domain<'_>,
@@ -251,11 +262,24 @@ fn on_unit_size(
 ) -> Result<Basis, ApproximationError> {
     let problem = &operator.problem;
     let parameters = parameters.fitted(problem.size());
-    let count = parameters.count;
     let found = search(domain, operator, parameters, 0, monitor)?;
     let accuracy = parameters.goal.map(|goal| found.report(domain, goal.error));
     let Found { attempt, energy, .. } = found;
     let enclosed = if parameters.certify { Some(attempt.enclose(&energy, problem, monitor)?) } else { None };
+    drop(energy);
+    Ok(delivered(domain, operator, attempt, accuracy, enclosed))
+}
+
+/// The basis of pairs that are judged, in the units of the input.
+fn delivered(
+    domain: Domain<'_>,
+    operator: &MeshOperator,
+    attempt: Attempt,
+    accuracy: Option<AccuracyReport>,
+    enclosed: Option<Enclosed>,
+) -> Basis {
+    let problem = &operator.problem;
+    let count = attempt.count;
     let Attempt { ritz: Ritz { space, mut pairs, .. }, mut certificate, .. } = attempt;
     for distances in [&mut certificate.estimates, &mut certificate.bounds] {
         by_index(&pairs.values, distances, problem.area);
@@ -280,13 +304,13 @@ fn on_unit_size(
         Some(unknowns) => on_all_vertices(space, unknowns, domain.positions().len()),
         None => space,
     };
-    Ok(Basis {
+    Basis {
         functions: Functions::Compact(Compact::new(space, pairs.vectors)),
         eigenvalues: pairs.values.into_iter().map(|value| value * value_scale).collect(),
         mass: operator.laplacian().mass.scaled(problem.area),
         certificate,
         metadata: serde_json::Value::Object(serde_json::Map::new()),
-    })
+    }
 }
 
 /// Makes distances of values, ascending, from some eigenvalue those from the eigenvalue of the same index, if no two values belong to one eigenvalue:

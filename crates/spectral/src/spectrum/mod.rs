@@ -20,6 +20,7 @@ mod refine;
 mod shifted;
 pub mod vibration;
 
+pub use approximate::parts as approximate_parts;
 pub use approximate::{
     ApproximationError, ApproximationParameters, FEW_VERTICES, Goal, MOST_COUNTED_IN_SOLID, MOST_ROUNDS, Space,
     approximate, dimension_for, most_columns, most_initial_columns, subspace,

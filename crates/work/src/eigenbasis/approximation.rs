@@ -131,9 +131,7 @@ impl Approximate {
         seed: u64,
         monitor: &dyn Monitor,
     ) -> Result<Basis, JobError> {
-        let Self { count, dimension, space, .. } = *self;
-        let parameters =
-            ApproximationParameters { count, dimension, space, goal: Some(self.goal()), certify: self.certify, seed };
+        let parameters = self.parameters(seed);
         let Some((refinement, precision)) = self.refinement else {
             return dense_where_smaller(approximate(domain, operator, &parameters, monitor)?, monitor);
         };
@@ -153,6 +151,12 @@ impl Approximate {
             },
             metadata: serde_json::json!({}),
         })
+    }
+
+    /// What the approximation is asked for.
+    pub(super) fn parameters(&self, seed: u64) -> ApproximationParameters {
+        let Self { count, dimension, space, certify, .. } = *self;
+        ApproximationParameters { count, dimension, space, goal: Some(self.goal()), certify, seed }
     }
 
     /// The goal. The thesis' construction is taken as it is, and judged, unless a goal is asked for in so many words.
@@ -241,7 +245,7 @@ fn factor_bytes_in_solid(vertices: u64) -> u64 {
 }
 
 /// A compact basis, unless its eigenfunctions themselves take less: few vertices for the dimension.
-fn dense_where_smaller(mut basis: Basis, monitor: &dyn Monitor) -> Result<Basis, JobError> {
+pub(super) fn dense_where_smaller(mut basis: Basis, monitor: &dyn Monitor) -> Result<Basis, JobError> {
     if let Functions::Compact(compact) = &basis.functions
         && basis.stored_bytes() > basis.dense_bytes()
     {

@@ -145,8 +145,12 @@ mod tests {
     #[test]
     fn what_cannot_be_divided_says_so_before_it_is_enqueued() {
         for (parameters, words) in [
-            (json!({"method": "sim", "count": 300, "parts": 2}), "belongs to the method \"hsim\""),
-            (json!({"method": "approximate", "count": 300, "parts": 2}), "belongs to the method \"hsim\""),
+            (json!({"method": "sim", "count": 300, "parts": 2}), "belongs to the method \"hsim\" and \"approximate\""),
+            (json!({"method": "approximate", "certify": true, "parts": 2}), "\"certify\""),
+            (json!({"method": "approximate", "refinement": "inverse_iteration", "parts": 2}), "\"refinement\""),
+            (json!({"method": "approximate", "mass": "consistent", "parts": 2}), "\"mass\""),
+            (json!({"method": "approximate", "operator": "robust", "parts": "auto"}), "\"operator\""),
+            (json!({"method": "approximate", "operator": "volume", "parts": "auto"}), "\"operator\""),
             (json!({"variant": "published", "count": 300, "parts": 2}), "\"method\""),
             (json!({"storage": "compact", "count": 300, "parts": "auto"}), "\"storage\""),
             (json!({"operator": "graph", "count": 300, "parts": "auto"}), "\"operator\""),

@@ -92,18 +92,25 @@ impl Attempt {
         let good = goal.map(|goal| MEAN_SHARE * goal);
         (self.certificate, self.density) =
             certify(energy, problem, space, mass, &mut pairs.vectors, &pairs.values, good, monitor)?;
+        self.conclude(energy.floor(), problem.area);
+        Ok(())
+    }
+
+    /// What the certificate says of all pairs together; no eigenvalue lies below `−floor`.
+    pub(super) fn conclude(&mut self, floor: f64, area: f64) {
+        let pairs = &self.ritz.pairs;
         // No eigenvalue lies below the floor, and none of index `k` above the value of pair `k`. A value that is exactly zero is known.
         let Certificate { estimates, bounds, .. } = &mut self.certificate;
         for list in [estimates, bounds] {
             for (distance, value) in list.iter_mut().zip(&pairs.values) {
-                *distance = distance.min((value + energy.floor()).max(0.0) / problem.area);
+                *distance = distance.min((value + floor).max(0.0) / area);
             }
         }
         let last = self.count.checked_sub(1).and_then(|k| pairs.values.get(k)).copied().unwrap_or(f64::NEG_INFINITY);
         let (mut sum, mut summed) = (0.0, 0usize);
         self.largest_estimate = 0.0;
         for (k, (error, &value)) in self.certificate.estimates.iter().zip(&pairs.values).enumerate() {
-            let error = error * problem.area;
+            let error = error * area;
             let relative = error / value.abs();
             if value.abs() > KERNEL && (k < self.count || value - error < last) {
                 self.largest_estimate = self.largest_estimate.max(relative);
@@ -118,7 +125,6 @@ impl Attempt {
             // Estimates are of functions of unit mass; these are not what the dense problem took them for.
             self.largest_estimate = f64::INFINITY;
         }
-        Ok(())
     }
 
     /// Where columns may be too coarse for a limb and all seems well: whether there are eigenfunctions that the space does not know of.
