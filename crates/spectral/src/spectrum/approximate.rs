@@ -17,7 +17,7 @@ use super::lehmann::{self, Enclosed};
 use super::radial::RadialParameters;
 use crate::basis::{AccuracyReport, Basis, Compact, Functions, InertiaCount};
 use crate::operator::{EigenProblem, MeshOperator};
-use chladni_algebra::EigenError;
+use chladni_algebra::{EigenError, gpu};
 use chladni_base::Monitor;
 
 use attempt::{Attempt, Remedies};
@@ -141,7 +141,8 @@ pub fn approximate<'a>(
 /// A space that was made as fine as the goal asks for, or as the mesh allows, and its pairs, judged.
 pub(super) struct Found<'a> {
     attempt: Attempt,
-    energy: Energy<'a>,
+    /// What pairs are measured with, where they were measured in one piece.
+    energy: Option<Energy<'a>>,
     /// How its functions were made.
     built: Space,
     /// How often it was made finer.
@@ -204,8 +205,15 @@ pub(super) fn search<'a>(
     );
     let mut built = parameters.space;
     monitor.stage("bounds");
-    let energy = Energy::new(problem, operator.floor, monitor).map_err(CertificateError::from)?;
-    attempt.judge(&energy, problem, goal, monitor)?;
+    let energy = match measured_in_parts(domain, operator, &parameters, &attempt) {
+        true => None,
+        false => Some(Energy::new(problem, operator.floor, monitor).map_err(CertificateError::from)?),
+    };
+    let judge = |attempt: &mut Attempt| match &energy {
+        Some(energy) => attempt.judge(energy, problem, goal, monitor),
+        None => attempt.judge_in_parts(domain, operator, problem.size().div_ceil(ROWS_OF_PART), monitor),
+    };
+    judge(&mut attempt)?;
     attempt.look_for_hidden(domain, operator, goal, monitor)?;
     let mut rounds = 0;
     let mut remedies = Remedies { hats: true, longer: true };
@@ -226,7 +234,7 @@ pub(super) fn search<'a>(
             Err(error) => return Err(error),
         };
         monitor.stage("bounds");
-        next.judge(&energy, problem, Some(goal), monitor)?;
+        judge(&mut next)?;
         next.look_for_hidden(domain, operator, Some(goal), monitor)?;
         let gained = attempt.excess(goal) / next.excess(goal);
         if gained > 1.0 {
@@ -238,6 +246,31 @@ pub(super) fn search<'a>(
         }
     }
     Ok(Found { attempt, energy, built, rounds })
+}
+
+/// From so many unknowns on pairs are measured in parts of the surface, one after the other: what a panel and its hierarchy take, some 900 bytes an
+/// unknown, is most of the memory. Bounds are a little wider beside cuts, and where a goal is missed columns are added everywhere: where energy is
+/// missing is known of the whole alone.
+pub const MEASURED_IN_PARTS_FROM: usize = 4_000_000;
+
+/// The unknowns of such a part.
+pub const ROWS_OF_PART: usize = 1_000_000;
+
+/// Whether pairs are measured in parts.
+fn measured_in_parts(
+    domain: Domain<'_>,
+    operator: &MeshOperator,
+    parameters: &ApproximationParameters,
+    attempt: &Attempt,
+) -> bool {
+    let (n, space) = (operator.problem.size(), &attempt.ritz.space);
+    let on_card = || gpu::accelerator().would_measure(n, space.entries(), attempt.ritz.pairs.values.len());
+    n >= MEASURED_IN_PARTS_FROM
+        && !parameters.certify
+        && matches!(domain, Domain::Surface(_))
+        && n >= FEW_VERTICES * space.columns()
+        && parts::has_parts(operator).is_ok()
+        && !on_card()
 }
 
 /// The dimension of the kernel, and the pairs that are computed, at least `guards` beyond the wanted ones among them.
@@ -265,7 +298,10 @@ fn on_unit_size(
     let found = search(domain, operator, parameters, 0, monitor)?;
     let accuracy = parameters.goal.map(|goal| found.report(domain, goal.error));
     let Found { attempt, energy, .. } = found;
-    let enclosed = if parameters.certify { Some(attempt.enclose(&energy, problem, monitor)?) } else { None };
+    let enclosed = match &energy {
+        Some(energy) if parameters.certify => Some(attempt.enclose(energy, problem, monitor)?),
+        _ => None,
+    };
     drop(energy);
     Ok(delivered(domain, operator, attempt, accuracy, enclosed))
 }

@@ -256,7 +256,8 @@ fn exact_pairs_have_no_residual() {
     let mut pairs = CpuSolver.lowest(s.to_dense(), mass.to_dense(), 20, &Unwatched).unwrap();
     let energy = Energy::new(&problem, 0.0, &Unwatched).unwrap();
     let values = &pairs.values;
-    let certificate = certify(&energy, &problem, &mut all, &mass, &mut pairs.vectors, values, None, &Unwatched).unwrap().0;
+    let certificate =
+        certify(&energy, &problem, &mut all, &mass, &mut pairs.vectors, values, None, &Unwatched).unwrap().0;
     assert!(certificate.residuals.iter().all(|r| *r < 1e-9), "{:?}", certificate.residuals);
     assert!(certificate.bounds.iter().all(|b| *b < 1e-7));
     assert!(certificate.orthonormality_defect < 1e-11);

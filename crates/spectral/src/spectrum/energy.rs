@@ -430,12 +430,7 @@ enum Kept {
 }
 
 /// Where each patch puts its rows of what is kept, with memory for so many; empty where nothing is.
-fn places<'a>(
-    patches: &[Patch],
-    rows: &'a mut Vec<CycleRow>,
-    count: usize,
-    wanted: bool,
-) -> Vec<&'a mut [CycleRow]> {
+fn places<'a>(patches: &[Patch], rows: &'a mut Vec<CycleRow>, count: usize, wanted: bool) -> Vec<&'a mut [CycleRow]> {
     if !wanted {
         return patches.iter().map(|_| &mut [][..]).collect();
     }

@@ -8,9 +8,9 @@ use chladni_spectral::operator::{MassKind, MeshOperator, OperatorKind};
 use chladni_spectral::spectrum::heat::HeatParameters;
 use chladni_spectral::spectrum::radial::RadialParameters;
 use chladni_spectral::spectrum::{
-    ApproximationError, ApproximationParameters, Domain, FACTOR_BYTES, FEW_VERTICES, Goal, MOST_COUNTED_IN_SOLID,
-    MOST_FACTORED, MOST_ROUNDS, Refined, Refinement, SHARED_FROM, Space, approximate, approximate_refined,
-    dimension_for, most_columns, most_initial_columns,
+    ApproximationError, ApproximationParameters, Domain, FACTOR_BYTES, FEW_VERTICES, Goal, MEASURED_IN_PARTS_FROM,
+    MOST_COUNTED_IN_SOLID, MOST_FACTORED, MOST_ROUNDS, ROWS_OF_PART, Refined, Refinement, SHARED_FROM, Space,
+    approximate, approximate_refined, dimension_for, most_columns, most_initial_columns,
 };
 use serde::{Deserialize, Serialize};
 
@@ -159,6 +159,12 @@ impl Approximate {
         ApproximationParameters { count, dimension, space, goal: Some(self.goal()), certify, seed }
     }
 
+    /// The vertices that pairs are measured on at a time: of the largest surfaces some, with their neighbours.
+    fn measured_at_once(&self, vertices: u64) -> u64 {
+        let in_parts = vertices >= MEASURED_IN_PARTS_FROM as u64 && !self.certify;
+        if in_parts { (ROWS_OF_PART + ROWS_OF_PART / 10) as u64 } else { vertices }
+    }
+
     /// The goal. The thesis' construction is taken as it is, and judged, unless a goal is asked for in so many words.
     fn goal(&self) -> Goal {
         let as_it_is = matches!(self.space, Space::Radial(_)) && !matches!(self.accuracy, Accuracy::Goal(_));
@@ -192,7 +198,9 @@ impl Approximate {
             // Where eigenfunctions may be hidden, they are counted.
             factor_bytes_in_solid(vertices.min(MOST_COUNTED_IN_SOLID as u64))
         };
-        self.memory_bytes(vertices) + wider + factor
+        // Pairs are measured on all of it.
+        let left = (vertices - self.measured_at_once(vertices).min(vertices)) * (260 + 800 * panels);
+        self.memory_bytes(vertices) + left + wider + factor
     }
 
     /// An estimate of the memory that the work needs beside mesh and operator, in bytes: the basis per vertex, the dense problem per
@@ -215,7 +223,7 @@ impl Approximate {
         let compact = products + vertices * entries * 2 * 8 + vertices * 22 * 8 + d * d * 8 * 5 + d * m * 8 * 2;
         // Bounds: the pencil once more and its hierarchy, and panels of 32 pairs with what a cycle needs.
         let panels = panels_at_once(vertices, m);
-        let compact = compact + vertices * (260 + 800 * panels);
+        let compact = compact + self.measured_at_once(vertices) * (260 + 800 * panels);
         // Where a bound is wide on a problem of moderate size, a factor, and a panel of solutions on each thread.
         let factored =
             if vertices <= MOST_FACTORED as u64 { vertices * (FACTOR_BYTES + 2 * 7 * 16 + 512 * panels) } else { 0 };

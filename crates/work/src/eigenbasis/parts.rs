@@ -126,7 +126,8 @@ impl EigenbasisParameters {
                 }
                 Divisible::Surface(approximate) => {
                     let parameters = approximate.parameters(self.seed);
-                    let of = approximate_parts::Parted::new(mesh, operator, &parameters, parts, SOLVER_VERSION, monitor);
+                    let of =
+                        approximate_parts::Parted::new(mesh, operator, &parameters, parts, SOLVER_VERSION, monitor);
                     of?.plan().parts
                 }
             };
@@ -151,7 +152,8 @@ impl EigenbasisParameters {
                 }
                 Divisible::Surface(approximate) => {
                     let parameters = approximate.parameters(self.seed);
-                    approximate_parts::Parted::new(mesh, operator, &parameters, parts, version, monitor)?.solve(number)?
+                    approximate_parts::Parted::new(mesh, operator, &parameters, parts, version, monitor)?
+                        .solve(number)?
                 }
             };
             Ok(part)
@@ -177,8 +179,7 @@ impl EigenbasisParameters {
                 }
                 Divisible::Surface(approximate) => {
                     let parameters = approximate.parameters(self.seed);
-                    let parted =
-                        approximate_parts::Parted::new(mesh, operator, &parameters, parts, version, monitor)?;
+                    let parted = approximate_parts::Parted::new(mesh, operator, &parameters, parts, version, monitor)?;
                     dense_where_smaller(parted.join(part)?, monitor)?
                 }
             };
@@ -279,7 +280,9 @@ impl JobParameters {
         let exact = match &parameters.method {
             Method::Exact(exact) => exact,
             // Columns are made of the whole surface; its own rows are written beside.
-            _ => return Self::Eigenbasis(EigenbasisParameters { parts: None, ..parameters.clone() }).memory_bytes(mesh),
+            _ => {
+                return Self::Eigenbasis(EigenbasisParameters { parts: None, ..parameters.clone() }).memory_bytes(mesh);
+            }
         };
         let share = exact.most_pairs().div_ceil(parts.get()) + BESIDE;
         let solver = HsimParameters { wanted: Wanted::Count(share.min(exact.most_pairs())), ..exact.solver };
@@ -457,9 +460,8 @@ mod tests {
         let parameters = json!({"method": "approximate", "count": 45, "dimension": 46, "accuracy": {"goal": 0.5}});
         let job = job(parameters);
         let whole = job.run(&mesh, &Unwatched).unwrap().product.into_eigenbasis().unwrap();
-        let made: Vec<Part> = (0..3)
-            .map(|number| job.solve_part(&mesh, None, (number, parts(3)), &Unwatched).unwrap().part)
-            .collect();
+        let made: Vec<Part> =
+            (0..3).map(|number| job.solve_part(&mesh, None, (number, parts(3)), &Unwatched).unwrap().part).collect();
         let joined = job.join_parts(&mesh, None, parts(3), &mut |number| Ok(made[number].clone()), &Unwatched);
         let joined = joined.unwrap().product.into_eigenbasis().unwrap();
         for (k, (a, b)) in joined.eigenvalues.iter().zip(&whole.eigenvalues).enumerate() {

@@ -69,13 +69,8 @@ impl<'a> Parted<'a> {
         if parameters.certify {
             return unsuited("\"certify\" counts eigenvalues of the whole".to_owned());
         }
-        let of_triangles = operator.report.laplacian == Laplacian::Cotangent && operator.report.reason != Reason::Points;
-        if !of_triangles || !operator.is_laplacian_but_for_the_held() {
-            let reason = "parts are made of the triangles of the Laplacian by cotangents, and of no other operator";
+        if let Err(reason) = has_parts(operator) {
             return unsuited(reason.to_owned());
-        }
-        if !matches!(problem.mass, MassMatrix::Diagonal(_)) {
-            return unsuited("its mass is consistent; take a lumped one, barycentric or voronoi".to_owned());
         }
         let d = parameters.dimension.max(parameters.count);
         if n < FEW_VERTICES * d {
@@ -169,8 +164,7 @@ impl<'a> Parted<'a> {
         }
         let Whole { space, mut pairs, sums, norm, defect } = gathered.whole()?;
         let measures = measures(&sums, &pairs.values, KERNEL);
-        let certificate =
-            certificate_of(&measures, (norm, defect, problem.area), &mut pairs.vectors, &pairs.values);
+        let certificate = certificate_of(&measures, (norm, defect, problem.area), &mut pairs.vectors, &pairs.values);
         let nothing = || SparseMatrix::from_sorted_parts(0, 0, vec![0], Vec::new(), Vec::new());
         let ritz = Ritz { space, mass: nothing(), stiffness: nothing(), pairs };
         let count = self.parameters.count;
@@ -183,11 +177,26 @@ impl<'a> Parted<'a> {
             && attempt.excess(goal.error) > 1.0
         {
             drop(attempt);
-            self.monitor.note(FALLBACKS, "parts of the surface: their functions miss the goal, and more were made in one piece");
+            self.monitor.note(
+                FALLBACKS,
+                "parts of the surface: their functions miss the goal, and more were made in one piece",
+            );
             return Ok(approximate(self.mesh, self.operator, &self.parameters, self.monitor)?);
         }
         let accuracy = self.parameters.goal.map(|goal| report(domain, &attempt, self.parameters.space, 0, goal.error));
         Ok(delivered(domain, self.operator, attempt, accuracy, None))
+    }
+}
+
+/// Whether an operator is a sum over triangles that falls apart into parts, or why it is not.
+pub(super) fn has_parts(operator: &MeshOperator) -> Result<(), &'static str> {
+    let of_triangles = operator.report.laplacian == Laplacian::Cotangent && operator.report.reason != Reason::Points;
+    if !of_triangles || !operator.is_laplacian_but_for_the_held() {
+        return Err("parts are made of the triangles of the Laplacian by cotangents, and of no other operator");
+    }
+    match operator.problem.mass {
+        MassMatrix::Diagonal(_) => Ok(()),
+        _ => Err("its mass is consistent; take a lumped one, barycentric or voronoi"),
     }
 }
 
@@ -237,7 +246,8 @@ pub(super) fn divided(mesh: &TriangleMesh, problem: &EigenProblem, parts: usize)
             let p = position(row);
             (0..3).for_each(|k| (low[k], high[k]) = (low[k].min(p[k]), high[k].max(p[k])));
         }
-        let axis = (0..3).max_by(|&a, &b| (high[a] - low[a]).total_cmp(&(high[b] - low[b])).then(b.cmp(&a))).unwrap_or(0);
+        let axis =
+            (0..3).max_by(|&a, &b| (high[a] - low[a]).total_cmp(&(high[b] - low[b])).then(b.cmp(&a))).unwrap_or(0);
         let half = parts / 2;
         let middle = rows.len() * half / parts;
         // By number where places are equal, so that there is one answer.
@@ -357,7 +367,11 @@ fn same_pairs(first: &EigenPairs, values: &[f64], coefficients: &DenseMatrix) ->
     let scale = first.vectors.values().iter().fold(0.0f64, |most, x| most.max(x.abs()));
     first.values.len() == values.len()
         && first.vectors.rows() == coefficients.rows()
-        && first.values.iter().zip(values).all(|(&a, &b)| near(a, b, largest.min(a.abs()).max(1e-3 * largest), SAME_VALUES))
+        && first
+            .values
+            .iter()
+            .zip(values)
+            .all(|(&a, &b)| near(a, b, largest.min(a.abs()).max(1e-3 * largest), SAME_VALUES))
         && first.vectors.values().iter().zip(coefficients.values()).all(|(&a, &b)| near(a, b, scale, SAME_COEFFICIENTS))
 }
 

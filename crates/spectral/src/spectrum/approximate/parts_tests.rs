@@ -1,7 +1,7 @@
 use super::super::{Goal, Space};
 use super::*;
-use crate::operator::{Boundary, MassKind, OperatorKind, OperatorParameters, Potential, assemble};
 use crate::basis::Functions;
+use crate::operator::{Boundary, MassKind, OperatorKind, OperatorParameters, Potential, assemble};
 use crate::spectrum::heat::HeatParameters;
 use chladni_base::Unwatched;
 use chladni_mesh::shape::{Shape, generate};
@@ -35,7 +35,11 @@ fn cases() -> Vec<(&'static str, TriangleMesh, OperatorParameters)> {
         ("voronoi", genus(), voronoi),
         ("bordered", generate(Shape::Disk, 2800).unwrap(), OperatorParameters::default()),
         ("held", generate(Shape::Disk, 2800).unwrap(), dirichlet),
-        ("two", two(generate(Shape::Torus, 1500).unwrap(), generate(Shape::Sphere, 1500).unwrap()), OperatorParameters::default()),
+        (
+            "two",
+            two(generate(Shape::Torus, 1500).unwrap(), generate(Shape::Sphere, 1500).unwrap()),
+            OperatorParameters::default(),
+        ),
     ]
 }
 
@@ -122,18 +126,36 @@ fn what_does_not_belong_is_refused_by_the_number_of_the_part() {
     let share = |part: &mut Part, change: &dyn Fn(&mut PartShare)| change(part.share.as_mut().unwrap());
     let other = made(&parted(2));
     let changes: Vec<(&str, &str, Box<dyn Fn(&mut Part)>)> = vec![
-        ("part-of-another-version", "part 2 was made by version 0", Box::new(|part| part.plan.version = "0".to_owned())),
+        (
+            "part-of-another-version",
+            "part 2 was made by version 0",
+            Box::new(|part| part.plan.version = "0".to_owned()),
+        ),
         ("part-of-another-problem", "divided otherwise", Box::new(|part| *part = other[1].clone())),
         ("part-of-another-problem", "another seed", Box::new(|part| part.plan.seed = 5)),
         ("part-of-another-problem", "another problem", Box::new(|part| part.plan.problem.products[1] *= 1.001)),
         ("part-damaged", "it says that it is part 1", Box::new(|part| *part = good[0].clone())),
         ("part-damaged", "no share", Box::new(|part| part.share = None)),
-        ("part-damaged", "is also in a part before", Box::new(|part| share(part, &|of| of.rows = good[0].share.as_ref().unwrap().rows[..of.rows.len()].to_vec()))),
+        (
+            "part-damaged",
+            "is also in a part before",
+            Box::new(|part| {
+                share(part, &|of| of.rows = good[0].share.as_ref().unwrap().rows[..of.rows.len()].to_vec())
+            }),
+        ),
         ("part-damaged", "do not fit", Box::new(|part| share(part, &|of| of.sums.truncate(20)))),
         ("part-damaged", "not finite", Box::new(|part| share(part, &|of| of.sums[7] = f64::NAN))),
         ("part-damaged", "not in order", Box::new(|part| share(part, &|of| of.values.swap(3, 9)))),
-        ("part-of-another-problem", "not those of part 1", Box::new(|part| share(part, &|of| of.values[5] *= 1.0 + 1e-6))),
-        ("part-of-another-problem", "not those of part 1", Box::new(|part| share(part, &|of| of.coefficients.values_mut()[70] += 1e-3))),
+        (
+            "part-of-another-problem",
+            "not those of part 1",
+            Box::new(|part| share(part, &|of| of.values[5] *= 1.0 + 1e-6)),
+        ),
+        (
+            "part-of-another-problem",
+            "not those of part 1",
+            Box::new(|part| share(part, &|of| of.coefficients.values_mut()[70] += 1e-3)),
+        ),
     ];
     for (kind, words, change) in changes {
         let error = refused(&change);

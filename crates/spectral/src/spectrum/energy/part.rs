@@ -35,7 +35,10 @@ impl PairShare {
     pub fn numbers(&self) -> [f64; NUMBERS_OF_SHARE] {
         let ResidualSums { residual, dual, stiffness, square, mass, energy, rounding, lowest, highest } = self.residual;
         let EnclosureSums { below, size, excess, rounding: of_y, mass: mass_of_y } = self.enclosure;
-        [residual, dual, stiffness, square, mass, energy, rounding, lowest, highest, below, size, excess, of_y, mass_of_y]
+        [
+            residual, dual, stiffness, square, mass, energy, rounding, lowest, highest, below, size, excess, of_y,
+            mass_of_y,
+        ]
     }
 
     /// What [`numbers`](Self::numbers) gave.
@@ -277,7 +280,8 @@ impl Rim {
                 continue;
             }
             let rows = face.map(row);
-            for (k, &own) in rows.iter().enumerate().filter(|(_, row)| **row != NONE && places[**row as usize] != NONE) {
+            for (k, &own) in rows.iter().enumerate().filter(|(_, row)| **row != NONE && places[**row as usize] != NONE)
+            {
                 for (other, opposite) in [((k + 1) % 3, (k + 2) % 3), ((k + 2) % 3, (k + 1) % 3)] {
                     let weight = shape.half_cotangents[opposite];
                     diagonal[places[own as usize] as usize] += weight;

@@ -1,6 +1,6 @@
 use super::*;
 use crate::operator::{MassKind, OperatorParameters, assemble};
-use chladni_algebra::{solve_definite, SymmetricDefiniteSolver, CpuSolver};
+use chladni_algebra::{CpuSolver, SymmetricDefiniteSolver, solve_definite};
 use chladni_base::{SplitMix64, Unwatched};
 use chladni_mesh::shape::{Shape, generate};
 
@@ -60,7 +60,8 @@ fn shares_of_parts_bound_the_norm_and_those_of_one_part_are_the_whole() {
         let operator = assemble(&mesh, &parameters, &Unwatched).unwrap();
         let problem = &operator.problem;
         let n = problem.size();
-        let exact = CpuSolver.lowest(problem.stiffness.to_dense(), diagonal(&problem.mass.lumped()), n, &Unwatched).unwrap();
+        let exact =
+            CpuSolver.lowest(problem.stiffness.to_dense(), diagonal(&problem.mass.lumped()), n, &Unwatched).unwrap();
         // Pairs that miss something: exact ones, disturbed a little.
         let (mut random, mut coefficients) = (SplitMix64::new(9), exact.vectors.slice_columns(0..40));
         for k in 1..40 {
@@ -84,7 +85,8 @@ fn shares_of_parts_bound_the_norm_and_those_of_one_part_are_the_whole() {
             let mut sums = vec![PairShare::default(); 40];
             for part in 0..parts as u32 {
                 let energy = Energy::of_part(&mesh, problem, &part_of, part, &Unwatched).unwrap();
-                let shares = energy.shares(&energy.in_order(&identity), &coefficients, &ritz, 1e-6, &Unwatched).unwrap();
+                let shares =
+                    energy.shares(&energy.in_order(&identity), &coefficients, &ritz, 1e-6, &Unwatched).unwrap();
                 sums.iter_mut().zip(&shares).for_each(|(sum, share)| sum.add(share));
             }
             let found = measures(&sums, &ritz, 1e-6);

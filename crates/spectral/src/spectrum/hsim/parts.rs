@@ -14,6 +14,7 @@ use chladni_base::notes::FALLBACKS;
 use chladni_base::{Monitor, SplitMix64};
 use chladni_mesh::TriangleMesh;
 
+use super::super::approximate::ApproximationError;
 use super::certify::Goal;
 use super::climb::{self, Climb};
 use super::judge::Count;
@@ -25,7 +26,6 @@ use super::segments::{Assembly, Cuts, DEPENDENT, Sliced};
 use super::slices::{self, joint, one_slice, target};
 use super::solve::{Aim, Columns, Finest, aim, within};
 use super::tuning::TUNING;
-use super::super::approximate::ApproximationError;
 use super::{Eigenpairs, HsimError, HsimParameters};
 use crate::basis::{Fingerprint, Part, PartCount, PartPlan, PartSlice, SHARED};
 use crate::operator::EigenProblem;
