@@ -36,9 +36,9 @@ impl utoipa::PartialSchema for Parts {
     fn schema() -> utoipa::openapi::RefOr<utoipa::openapi::schema::Schema> {
         use utoipa::openapi::schema::{ObjectBuilder, OneOfBuilder, Schema, Type};
         let word = ObjectBuilder::new().schema_type(Type::String).enum_values(Some(["auto"]));
-        let word = word.description(Some("As many as there are workers for, of about 250 pairs or more; where there is one worker, the job stays whole."));
+        let word = word.description(Some("As many as there are workers for, of about 250 pairs or half a million vertices or more; where there is one worker, the job stays whole."));
         let number = ObjectBuilder::new().schema_type(Type::Integer).minimum(Some(1)).maximum(Some(MOST_PARTS as u64));
-        let number = number.description(Some("So many, of 64 pairs at least."));
+        let number = number.description(Some("So many, of 64 pairs at least where they are of the spectrum."));
         Schema::OneOf(OneOfBuilder::new().item(word).item(number).build()).into()
     }
 }

@@ -112,6 +112,9 @@ fn a_goal_that_parts_miss_is_reached_in_one_piece() {
     assert_eq!(joined.certificate.accuracy, whole.certificate.accuracy);
 }
 
+/// What is done to a part.
+type Change<'a> = Box<dyn Fn(&mut Part) + 'a>;
+
 #[test]
 fn what_does_not_belong_is_refused_by_the_number_of_the_part() {
     let mesh = generate(Shape::Genus(2), 2600).unwrap();
@@ -125,7 +128,7 @@ fn what_does_not_belong_is_refused_by_the_number_of_the_part() {
     };
     let share = |part: &mut Part, change: &dyn Fn(&mut PartShare)| change(part.share.as_mut().unwrap());
     let other = made(&parted(2));
-    let changes: Vec<(&str, &str, Box<dyn Fn(&mut Part)>)> = vec![
+    let changes: Vec<(&str, &str, Change<'_>)> = vec![
         (
             "part-of-another-version",
             "part 2 was made by version 0",
