@@ -254,7 +254,7 @@ pub(super) fn search<'a>(
 pub const MEASURED_IN_PARTS_FROM: usize = 4_000_000;
 
 /// The unknowns of such a part.
-pub const ROWS_OF_PART: usize = 1_000_000;
+pub const ROWS_OF_PART: usize = 2_000_000;
 
 /// Whether pairs are measured in parts.
 fn measured_in_parts(

@@ -79,13 +79,20 @@ impl PairShare {
     }
 }
 
+/// A pair gains at most this many times `‖r‖²_{A⁻¹}`, as estimated. Beside a cut a correction holds what is constant on its part, which of the whole it would
+/// not; by itself that looks like a pair that misses what lies just above its value, and gains six times as much.
+const MOST_GAINED: f64 = 2.0;
+
 /// What is known of pairs whose shares of all parts are summed up, on unit area, of an operator without negative eigenvalues and with a lumped mass.
 pub(in crate::spectrum) fn measures(sums: &[PairShare], ritz: &[f64], kernel: f64) -> Vec<Measure> {
     let limits = KernelAndGoal { kernel, goal: None };
     let one = |(at, (share, &theta)): (usize, (&PairShare, &f64))| {
         let group = &ritz[at / CYCLE_WIDTH * CYCLE_WIDTH..ritz.len().min((at / CYCLE_WIDTH + 1) * CYCLE_WIDTH)];
         let residual = PairResidual::new(&share.residual, theta);
-        conclude(&residual, &share.enclosure, theta, sigma(group, 0.0, limits), (0.0, 1.0))
+        let mut measure = conclude(&residual, &share.enclosure, theta, sigma(group, 0.0, limits), (0.0, 1.0));
+        let most = MOST_GAINED * measure.below * measure.below / measure.sums.mass.max(f64::MIN_POSITIVE);
+        measure.estimate = measure.estimate.min(most);
+        measure
     };
     sums.iter().zip(ritz).enumerate().map(one).collect()
 }
