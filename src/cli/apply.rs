@@ -21,6 +21,7 @@ use chladni_work::own_mesh::{StrangeMesh, check_own_mesh};
 use serde::de::DeserializeOwned;
 use serde_json::json;
 
+use super::output::TableFormat;
 use super::work::{OutputFile, json_argument};
 use super::{CliError, MeshInput, NumberingArguments, read_bytes};
 
@@ -91,7 +92,7 @@ pub struct DistancesArguments {
     #[arg(long, value_name = "JSON")]
     request: String,
 
-    /// Write the table to this .npy file instead of printing it as JSON
+    /// Write the table to this file, .npy or .csv, instead of printing it as JSON
     #[arg(long, short = 'o', value_name = "FILE")]
     output: Option<PathBuf>,
 }
@@ -132,7 +133,7 @@ pub struct DesignArguments {
     #[arg(long, value_name = "FORM", default_value = "world", value_parser = form)]
     form: Form,
 
-    /// Write the field, a row for each face, to this .npy file; without it the coefficients and energies are printed as JSON. With "faces" in the
+    /// Write the field, a row for each face, to this file, .npy or .csv; without it the coefficients and energies are printed as JSON. With "faces" in the
     /// request, the face of each row is printed as JSON
     #[arg(long, short = 'o', value_name = "FILE")]
     output: Option<PathBuf>,
@@ -142,10 +143,15 @@ fn form(text: &str) -> Result<Form, String> {
     serde_json::from_value(json!(text)).map_err(|_| "one of world, frames, roots, axes".to_owned())
 }
 
+/// A file of a table, with its format by its ending.
+fn table_file(path: &Path) -> Result<(TableFormat, OutputFile), CliError> {
+    Ok((TableFormat::of(path)?, OutputFile::probe(path)?))
+}
+
 /// Runs `chladni distances`.
 pub fn distances(arguments: DistancesArguments) -> Result<ExitCode, CliError> {
     let mut request: DistanceRequest = typed("--request", &arguments.request)?;
-    let output = arguments.output.as_deref().map(OutputFile::probe).transpose()?;
+    let output = arguments.output.as_deref().map(table_file).transpose()?;
     let (basis, mesh, to, _) = arguments.stored.functions()?;
     let refused = |error: NumberingError| CliError::Refused(error.to_string());
     request.translate(&to, basis.vertices()).map_err(refused)?;
@@ -154,13 +160,19 @@ pub fn distances(arguments: DistancesArguments) -> Result<ExitCode, CliError> {
     if let Some(error) = found.slope_error {
         let percent = 100.0 * error;
         eprintln!(
-            "distances by heat: slopes are {percent:.1} % off on average, distances by less; the method \"exact\" has no such error"
+            "distances by heat: slopes are {percent:.1} % off, distances by about as much or less; the method \"exact\" has no such error"
         );
     }
     let table = request.translated(&to, found.table);
     match output {
         None => print(&chladni_work::table::Table::from(&table)),
-        Some(file) => array(&file, &table),
+        Some((format, file)) => {
+            let row = |row: usize| (0..table.columns()).map(move |column| (row, column));
+            let numbers: Vec<f64> =
+                (0..table.rows()).flat_map(row).map(|(row, column)| table.column(column)[row]).collect();
+            file.write(|out| format.write(&numbers, table.columns(), out))?;
+            Ok(ExitCode::SUCCESS)
+        }
     }
 }
 
@@ -183,7 +195,8 @@ pub fn filtered(arguments: FilterArguments) -> Result<ExitCode, CliError> {
     let positions: Vec<[f64; 3]> = (0..vertices).map(position).collect();
     let attributes = attributes.as_ref().map(|attributes| attributes.moved(&mesh, &positions));
     let moved = TriangleMesh { positions, faces: std::mem::take(&mut mesh.faces), ..Default::default() };
-    output.write(|out| Ok(format.write(&moved, attributes.as_deref(), PlyPrecision::Single, out)?))?;
+    let precision = PlyPrecision::of(&moved.positions);
+    output.write(|out| Ok(format.write(&moved, attributes.as_deref(), precision, out)?))?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -204,7 +217,7 @@ fn surface_format(path: &Path) -> Result<SurfaceFormat, CliError> {
 pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
     let refused = |fault: DesignFault| CliError::Refused(fault.to_string());
     let mut request: DesignRequest = typed("--request", &arguments.request)?;
-    let output = arguments.output.as_deref().map(OutputFile::probe).transpose()?;
+    let output = arguments.output.as_deref().map(table_file).transpose()?;
     let (setting, to) = arguments.stored.fields()?;
     let vertices = setting.surface.surface.mesh().positions.len();
     request.translate(&to, setting.kind(), vertices).map_err(refused)?;
@@ -213,7 +226,7 @@ pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
         request.faces.as_ref().map(|wanted| setting.faces(wanted, &Unwatched)).transpose().map_err(refused)?;
     let file_faces = |faces: &Vec<u32>| faces.iter().map(|&face| to.file_face(face)).collect::<Vec<_>>();
     let field_faces = sampled.as_ref().map(file_faces);
-    let Some(file) = output else {
+    let Some((format, file)) = output else {
         let space = if designed.refined.is_some() { "surface" } else { "basis" };
         let design = designed.design;
         return print(&json!({
@@ -230,20 +243,17 @@ pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
     };
     let (kind, surface) = (setting.kind(), &setting.surface.surface);
     let (form, columns) = (arguments.form, arguments.form.columns(kind));
-    let (numbers, rows) = match &sampled {
+    let numbers = match &sampled {
         None => {
             let field = setting.lifted(&designed).map_err(refused)?;
-            let numbers = written(surface.frames(), kind, form, field);
-            (to.push_faces(&numbers, columns), to.faces(surface.faces()))
+            to.push_faces(&written(surface.frames(), kind, form, field), columns)
         }
         Some(faces) => {
             let part = setting.lifted_at(&designed, faces).map_err(refused)?;
-            (written_at(surface.frames(), kind, form, faces, part), faces.len())
+            written_at(surface.frames(), kind, form, faces, part)
         }
     };
-    let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
-    let whole = npz::npy("<f4", false, &[rows, columns], &bytes);
-    file.write(|out| Ok(out.write_all(&whole)?))?;
+    file.write(|out| format.write(&numbers, columns, out))?;
     match field_faces {
         Some(faces) => print(&json!({ "field_faces": faces })),
         None => Ok(ExitCode::SUCCESS),
@@ -263,13 +273,5 @@ pub(super) fn fitting<T: DeserializeOwned>(flag: &str, value: serde_json::Value)
 fn print(value: &impl serde::Serialize) -> Result<ExitCode, CliError> {
     let text = serde_json::to_string(value).map_err(|error| CliError::Service(error.to_string()))?;
     writeln!(std::io::stdout(), "{text}").map_err(CliError::stdout)?;
-    Ok(ExitCode::SUCCESS)
-}
-
-/// Writes a matrix for `numpy.load`, in double precision.
-fn array(file: &OutputFile, table: &DenseMatrix) -> Result<ExitCode, CliError> {
-    let bytes: Vec<u8> = table.values().iter().flat_map(|x| x.to_le_bytes()).collect();
-    let whole = npz::npy("<f8", true, &[table.rows(), table.columns()], &bytes);
-    file.write(|out| Ok(out.write_all(&whole)?))?;
     Ok(ExitCode::SUCCESS)
 }

@@ -33,7 +33,8 @@ Examples:
   chladni map-collection scans/*.ply --pairs 60 --no-polish -o maps --json
 
 The folder gets SOURCE-to-TARGET.npy for every ordered pair, a vertex of the source for each vertex of the target (int32, -1 for
-vertices that no face uses), SOURCE-to-TARGET-confidences.npy, and maps.json, which lists them with how consistent they are.")]
+vertices that no face uses), SOURCE-to-TARGET-confidences.npy, and maps.json, which lists them with how consistent they are.
+Maps of an earlier run in it that are not made anew are removed.")]
 pub struct MapCollectionArguments {
     /// Mesh files, two to 32: shapes that are nearly isometric, of one topology
     #[arg(value_name = "MESH", required = true)]
@@ -110,7 +111,7 @@ pub fn collect(arguments: MapCollectionArguments) -> Result<ExitCode, CliError> 
         return Err(CliError::Usage(format!("MESH: {files} files were given; collections are of 2 to {MOST_SHAPES}")));
     }
     let job = arguments.job()?;
-    std::fs::create_dir_all(&arguments.output).map_err(|error| CliError::file("write", &arguments.output, error))?;
+    let folder = Folder::open(&arguments.output)?;
     let list = OutputFile::probe(&arguments.output.join("maps.json"))?;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(arguments.threads)
@@ -126,12 +127,14 @@ pub fn collect(arguments: MapCollectionArguments) -> Result<ExitCode, CliError> 
     })?;
     bars.finish();
     let names = names(&arguments.meshes);
+    folder.keep();
     let mut told = Vec::with_capacity(found.maps.len());
     for map in &found.maps {
         told.push(write(map, &solved, &names, &arguments.output)?);
     }
     let cycles = &found.cycles;
     let cycles = json!({"pairs": cycles.pairs, "triples": cycles.triples, "largest": cycles.largest});
+    remove_stale(&arguments.output, &told);
     let whole = json!({"meshes": arguments.meshes, "maps": told, "cycles": cycles});
     list.write(|out| Ok(writeln!(out, "{whole:#}")?))?;
     let text = if arguments.json { format!("{whole}\n") } else { table(&found, &solved, &names, &arguments.output) };
@@ -183,6 +186,53 @@ impl MapCollectionArguments {
                 Ok(Solved { mesh: body.surface.mesh, basis, to: self.numbered.translation(Arc::clone(&numbering)) })
             }
             _ => Err(CliError::mesh(path, "collections are of surfaces, and this basis is not of one")),
+        }
+    }
+}
+
+/// The folder of the maps, which is not left behind by a run that made it and writes nothing into it.
+struct Folder<'a> {
+    path: &'a Path,
+    is_new: bool,
+}
+
+impl<'a> Folder<'a> {
+    fn open(path: &'a Path) -> Result<Self, CliError> {
+        let is_new = !path.exists();
+        std::fs::create_dir_all(path).map_err(|error| CliError::file("write", path, error))?;
+        Ok(Self { path, is_new })
+    }
+
+    fn keep(mut self) {
+        self.is_new = false;
+    }
+}
+
+impl Drop for Folder<'_> {
+    fn drop(&mut self) {
+        if self.is_new {
+            // It is empty unless someone else wrote into it, and then it is theirs.
+            let _removed = std::fs::remove_dir(self.path);
+        }
+    }
+}
+
+/// Removes the maps of an earlier collection that are listed in the `maps.json` which is about to be replaced, and in no list any more then.
+fn remove_stale(folder: &Path, told: &[Value]) {
+    let files = |maps: &[Value]| -> HashSet<String> {
+        let names = maps.iter().flat_map(|map| [&map["points"], &map["confidences"]]);
+        names.filter_map(Value::as_str).map(str::to_owned).collect()
+    };
+    let earlier = std::fs::read(folder.join("maps.json")).ok();
+    let earlier: Option<Value> = earlier.and_then(|bytes| serde_json::from_slice(&bytes).ok());
+    let Some(earlier) = earlier.as_ref().and_then(|list| list["maps"].as_array()) else { return };
+    let current = files(told);
+    for name in files(earlier).difference(&current) {
+        let is_ours =
+            name.contains("-to-") && name.ends_with(".npy") && Path::new(name).file_name() == Some(name.as_ref());
+        if is_ours {
+            // One that is gone already is as it should be.
+            let _removed = std::fs::remove_file(folder.join(name));
         }
     }
 }
@@ -255,6 +305,31 @@ fn table(found: &MapCollection, solved: &[Solved], names: &[String], folder: &Pa
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn maps_that_no_list_names_any_more_are_removed_and_nothing_else_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let map =
+            |from: &str, to: &str| json!({"points": format!("{from}-to-{to}.npy"), "confidences": "../a-to-x.npy"});
+        let list = json!({"maps": [map("a", "b"), map("a", "c")]});
+        std::fs::write(folder.path().join("maps.json"), list.to_string()).unwrap();
+        for name in ["a-to-b.npy", "a-to-c.npy", "mine-to-keep.npy"] {
+            std::fs::write(folder.path().join(name), name).unwrap();
+        }
+        remove_stale(folder.path(), &[map("a", "b")]);
+        let left = |name: &str| folder.path().join(name).exists();
+        assert!(left("a-to-b.npy") && left("mine-to-keep.npy") && !left("a-to-c.npy"));
+    }
+
+    #[test]
+    fn a_run_that_writes_nothing_leaves_no_folder() {
+        let parent = tempfile::tempdir().unwrap();
+        let (made, kept) = (parent.path().join("made"), parent.path().join("kept"));
+        drop(Folder::open(&made).unwrap());
+        Folder::open(&kept).unwrap().keep();
+        drop(Folder::open(&kept).unwrap());
+        assert!(!made.exists() && kept.exists());
+    }
 
     #[test]
     fn shapes_are_called_as_their_files_unless_two_are_called_the_same() {

@@ -55,7 +55,7 @@ problems!(DistancesProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_ANALYSIS])
 ///
 /// Geodesic distances by `heat` and `exact` ones are computed on the mesh of the basis; what they prepare of it is kept for further requests. An
 /// infinite distance is `null` in JSON. `Chladni-Slope-Error` tells how far those by `heat` may be off: by how much their slope, which is one, differs
-/// from one on average. They are off by less than this share of themselves, and by more than a quarter of it as a rule.
+/// from one, on average over the surface or along paths to the sources. They are off by about this share of themselves or less, by a quarter of it as a rule.
 ///
 /// JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is little-endian u32, sources or with `pairs=true` the
 /// vertices of pairs, and the rest of the request stands in the query. The answer is of the same kind unless `Accept` says otherwise.
@@ -185,6 +185,7 @@ impl From<DistanceFault> for Problem {
         match fault {
             DistanceFault::Between
             | DistanceFault::Nowhere
+            | DistanceFault::Nearest
             | DistanceFault::Time
             | DistanceFault::NeedsBasis
             | DistanceFault::Inside

@@ -392,7 +392,8 @@ problems!(GetMeshContentProblems: [INVALID_QUERY, UNKNOWN_MESH, NOT_ACCEPTABLE, 
 ///
 /// By `Accept` or `format`: PLY (the default; binary, little-endian), OBJ, binary glTF, or buffers for web clients
 /// (`application/vnd.chladni.mesh`): all little-endian and aligned to four bytes, the number of vertices n and of faces f as u32,
-/// then 3n positions as f32, then 3f vertex indices as u32.
+/// then 3n positions as f32, then 3f vertex indices as u32. Of a surface far from the origin, as in geographic coordinates, single precision keeps little of
+/// the shape: PLY and OBJ hold double, and glTF positions from the middle, where its nodes are moved to.
 ///
 /// Texture coordinates, normals and names that the file had come back in all of them but buffers.
 #[utoipa::path(

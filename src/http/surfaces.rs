@@ -100,7 +100,7 @@ impl Surface {
         let moved = TriangleMesh { positions, faces: self.mesh.faces.clone(), ..Default::default() };
         let mut bytes = Vec::new();
         self.format
-            .write(&moved, attributes.as_deref(), PlyPrecision::Single, &mut bytes)
+            .write(&moved, attributes.as_deref(), PlyPrecision::of(&moved.positions), &mut bytes)
             .map_err(Problem::internal)?;
         Ok(Answer::new(bytes, media_type, begin))
     }

@@ -8,6 +8,8 @@ use super::{Store, StoreError, database::Database, folder::DataFolder};
 
 /// Free pages that are given back in one transaction: 16 MiB of content.
 const PAGES_AT_ONCE: i64 = 2048;
+/// The fewest, where the disk is full: their log is small.
+const PAGES_AT_LEAST: i64 = 16;
 /// Transactions of one look, so that writers get their turn.
 const TURNS: usize = 16;
 /// With fewer free pages than these, and than a tenth of all, they are kept for what comes next.
@@ -107,7 +109,7 @@ impl Store {
                 if !pages.incremental || pages.free <= PAGES_KEPT.max(pages.count / 10).min(PAGES_KEPT * 16) {
                     break;
                 }
-                database.give_back(PAGES_AT_ONCE).await?;
+                self.give_pages_back(database, pages).await?;
                 given = true;
             }
             if given {
@@ -115,6 +117,17 @@ impl Store {
             }
         }
         self.count_reusable().await
+    }
+
+    /// Gives some pages back: so many that their log fits well into what the disk has. Where it does not, the log that is there gives up its own room
+    /// first: a disk that is full must not stay full because nothing can be written of what is to be given back.
+    async fn give_pages_back(&self, database: &Database, pages: Pages) -> Result<(), StoreError> {
+        let room = self.free_bytes().map_or(PAGES_AT_ONCE, |free| (free / 4) as i64 / pages.bytes.max(1));
+        let first = room.clamp(PAGES_AT_LEAST, PAGES_AT_ONCE);
+        let Err(error) = database.give_back(first).await else { return Ok(()) };
+        tracing::debug!(%error, "pages could not be given back: the log is emptied first");
+        database.truncate_log().await?;
+        database.give_back(PAGES_AT_LEAST).await
     }
 
     /// Gives all free pages of both databases back to the disk. Databases of earlier versions, which cannot do that, are written anew once, which
@@ -130,7 +143,7 @@ impl Store {
             if pages.incremental {
                 let mut free = pages.free;
                 while free > 0 {
-                    database.give_back(PAGES_AT_ONCE).await?;
+                    self.give_pages_back(database, pages).await?;
                     let left = Pages::of(database).await?.free;
                     if left >= free {
                         break;

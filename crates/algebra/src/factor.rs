@@ -157,6 +157,12 @@ impl SymbolicFactor {
         self.entries
     }
 
+    /// About the multiplications that its numbers take, each with an addition.
+    pub fn operations(&self) -> f64 {
+        let cube = |x: usize| (x as f64).powi(3);
+        self.nodes.iter().map(|node| (cube(node.columns + node.pattern.1) - cube(node.pattern.1)) / 6.0).sum()
+    }
+
     /// Factors `a − shift · b`. Without pivoting first, and where that lets the factors grow, with Bunch–Kaufman pivoting inside supernodes.
     ///
     /// # Errors

@@ -54,7 +54,29 @@ pub enum PlyPrecision {
     Double,
 }
 
+/// Single precision moves no vertex by more than a millionth of the surface where this lies no farther from the origin than so many times its size.
+const NEAR: f64 = 16.0;
+
+/// The middle of a surface that lies too far from the origin for single precision, as one in geographic coordinates does; nothing for others.
+pub fn far_middle(positions: &[[f64; 3]]) -> Option<[f64; 3]> {
+    let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+    for position in positions {
+        for k in 0..3 {
+            (bounds[0][k], bounds[1][k]) = (bounds[0][k].min(position[k]), bounds[1][k].max(position[k]));
+        }
+    }
+    let [low, high] = bounds;
+    let size = (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f64>().sqrt();
+    let farthest = (0..3).map(|k| low[k].abs().max(high[k].abs())).fold(0.0, f64::max);
+    (size > 0.0 && farthest > NEAR * size).then(|| std::array::from_fn(|k| 0.5 * low[k] + 0.5 * high[k]))
+}
+
 impl PlyPrecision {
+    /// Single precision, where that is enough.
+    pub fn of(positions: &[[f64; 3]]) -> Self {
+        if far_middle(positions).is_some() { Self::Double } else { Self::Single }
+    }
+
     fn name(self) -> &'static str {
         match self {
             Self::Single => "float",
@@ -190,6 +212,26 @@ mod tests {
         write_ply_with(&mesh(), None, PlyPrecision::Single, &mut file).unwrap();
         let raw = back(&file, MeshFormat::Ply);
         assert_eq!(raw.positions[1][0], f64::from(0.3f32));
+    }
+
+    #[test]
+    fn surfaces_far_from_the_origin_keep_their_shape() {
+        let moved = |by: f64| {
+            let positions = [[0.1, -0.7, 0.2], [0.3, 2.0, 0.0], [3.0, 0.5, 1.0 / 3.0]];
+            TriangleMesh { positions: positions.map(|p| p.map(|x| x + by)).to_vec(), ..mesh() }
+        };
+        for (by, precision) in [(0.0, PlyPrecision::Single), (1.0, PlyPrecision::Single), (3e6, PlyPrecision::Double)] {
+            let mesh = moved(by);
+            assert_eq!(PlyPrecision::of(&mesh.positions), precision, "{by}");
+            let mut file = Vec::new();
+            write_glb(&mesh, None, &mut file).unwrap();
+            let raw = back(&file, MeshFormat::Gltf);
+            let pairs = raw.positions.iter().flatten().zip(mesh.positions.iter().flatten());
+            let worst = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(worst < 1e-6, "{by}: {worst}");
+        }
+        assert_eq!(far_middle(&[]), None);
+        assert_eq!(far_middle(&[[5e6; 3]]), None);
     }
 
     #[test]

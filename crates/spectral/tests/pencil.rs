@@ -133,6 +133,25 @@ fn clusters_far_above_zero_are_told_apart() {
     }
 }
 
+/// Two wheels whose hubs are joined: two values near zero, and then the same clusters, each value four times. A shift between these two is among what is
+/// wanted, but in the middle of nothing.
+#[test]
+fn clusters_above_a_pair_of_low_values_are_told_apart() {
+    for rim in [1000, 2000] {
+        let wheel = |hub: usize| (1..=rim).flat_map(move |at| [(hub, hub + at), (hub + at, hub + at % rim + 1)]);
+        let edges: Vec<_> = wheel(0).chain(wheel(rim + 1)).chain([(0, rim + 1)]).collect();
+        let turn = |k: usize| 3.0 - 2.0 * (2.0 * PI * k as f64 / rim as f64).cos();
+        // What is constant on each rim and differs by its sign between the wheels: a product of 2, and a sum of r + 3.
+        let sum = rim as f64 + 3.0;
+        let high = 0.5 * (sum + (sum * sum - 8.0).sqrt());
+        let ends = [0.0, rim as f64 + 1.0, 2.0 / high, high];
+        let exact = sorted(ends.into_iter().chain((1..rim).flat_map(|k| [turn(k), turn(k)])));
+        for count in [5, 10, 30] {
+            proven(&laplacian(2 * rim + 2, &edges), &Mass::Identity, &lowest(count), &exact[..count], 1e-11);
+        }
+    }
+}
+
 #[test]
 fn complete_graphs_stars_and_copies() {
     let complete: Vec<_> = (0..60).flat_map(|a| (0..a).map(move |b| (a, b))).collect();

@@ -95,6 +95,7 @@ impl From<PoissonError> for Problem {
             PoissonError::Flat { face, .. } => {
                 Self::new(&problem::NO_FIELD_SURFACE, sentence(&error)).with("face", face)
             }
+            PoissonError::Factor(FactorError::Singular { .. }) => super::singular(&sentence(&error)),
             PoissonError::Factor(_) => Self::internal(error),
         }
     }

@@ -126,7 +126,8 @@ impl From<PrescribedError> for Problem {
         let text = super::convert::sentence(&error);
         match error {
             PrescribedError::OneSided(_) => Self::new(&problem::NO_FIELD_SURFACE, text),
-            PrescribedError::Poisson(_) | PrescribedError::Periods(_) => Self::internal(error),
+            PrescribedError::Poisson(error) => error.into(),
+            PrescribedError::Periods(_) => Self::internal(error),
             _ => Self::within(&problem::INVALID_DESIGN, "singularities", text),
         }
     }
@@ -143,4 +144,10 @@ impl From<StreamlineError> for Problem {
             StreamlineError::Cancelled(cancelled) => cancelled.into(),
         }
     }
+}
+
+/// The equations of a surface are singular in double precision, which is the mesh's doing.
+fn singular(text: &str) -> Problem {
+    let why = "Some of its triangles are without area, or so thin that nothing is left of them in double precision.";
+    Problem::new(&problem::NO_FIELD_SURFACE, format!("{text} {why}"))
 }

@@ -214,6 +214,7 @@ impl From<QuadError> for Problem {
                 Self::within(&problem::INVALID_DESIGN, "quads", text)
             }
             QuadError::Factor(FactorError::Promise { .. }) => Self::within(&problem::INVALID_DESIGN, "memory", text),
+            QuadError::Factor(FactorError::Singular { .. }) => super::singular(&text),
             QuadError::Field { .. } | QuadError::Factor(_) => Self::internal(error),
             QuadError::Cancelled(cancelled) => cancelled.into(),
         }

@@ -42,6 +42,15 @@ impl IntrinsicTriangulation {
         &self.shapes
     }
 
+    /// The other side of half-edge `3f + c`, which runs the other way.
+    ///
+    /// # Panics
+    /// There is no such half-edge.
+    #[inline]
+    pub fn twin(&self, half_edge: u32) -> u32 {
+        self.twins[half_edge as usize]
+    }
+
     /// How often the triangles cover the surface: twice, or once where it is closed, manifold and consistently oriented.
     pub fn sheets(&self) -> usize {
         self.sheets

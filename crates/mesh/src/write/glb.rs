@@ -4,6 +4,7 @@ use std::io::{self, Write};
 
 use serde_json::{Map, Value, json};
 
+use super::far_middle;
 use crate::TriangleMesh;
 use crate::attributes::{Attributes, NONE};
 
@@ -14,7 +15,8 @@ const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 const FLOAT: u32 = 5126;
 const UNSIGNED_INT: u32 = 5125;
 
-/// Writes binary glTF: positions in single precision as they are (glTF's viewers take y for up), and with attributes a node for all faces of one
+/// Writes binary glTF: positions in single precision as they are (glTF's viewers take y for up), or from the middle of a surface that lies too far from the
+/// origin for that, where its nodes are moved to; and with attributes a node for all faces of one
 /// object, group and material, named by these, its texture coordinates (from the top, as glTF counts) and its normals at length one. A vertex is
 /// written once for each texture coordinate and normal that its corners have. Corners without texture coordinates have zeros where others of their
 /// part have some; a part in which a corner has no normal has none.
@@ -25,7 +27,7 @@ pub fn write_glb(mesh: &TriangleMesh, attributes: Option<&Attributes>, out: &mut
     if attributes.is_some_and(|attributes| !attributes.fits(mesh.faces.len())) {
         return Err(invalid("attributes of other faces than these"));
     }
-    let mut file = File::default();
+    let mut file = File { middle: far_middle(&mesh.positions), ..File::default() };
     for part in parts(mesh.faces.len(), attributes) {
         file.part(mesh, attributes, &part);
     }
@@ -96,6 +98,8 @@ fn parts(faces: usize, attributes: Option<&Attributes>) -> Vec<Part> {
 
 #[derive(Default)]
 struct File {
+    /// What positions are written from.
+    middle: Option<[f64; 3]>,
     binary: Vec<u8>,
     views: Vec<Value>,
     accessors: Vec<Value>,
@@ -138,7 +142,11 @@ impl File {
         if rows.is_empty() {
             return;
         }
-        let position = |row: &[u32; 3]| mesh.positions[row[0] as usize].map(|x| x as f32);
+        let middle = self.middle.unwrap_or_default();
+        let position = |row: &[u32; 3]| -> [f32; 3] {
+            let position = mesh.positions[row[0] as usize];
+            std::array::from_fn(|k| (position[k] - middle[k]) as f32)
+        };
         let mut bounds = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
         for position in rows.iter().map(position) {
             for k in 0..3 {
@@ -192,6 +200,9 @@ impl File {
         if let Some(name) = &part.name {
             mesh["name"] = json!(name);
             node["name"] = json!(name);
+        }
+        if let Some(middle) = self.middle {
+            node["translation"] = json!(middle);
         }
         self.meshes.push(mesh);
         self.nodes.push(node);

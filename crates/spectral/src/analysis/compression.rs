@@ -3,8 +3,12 @@
 //! The receiver has the basis; what is sent is a few bytes a coefficient. Since the basis is orthonormal, an error of a coefficient is an error of
 //! the function of the same norm, and equal steps for all coefficients are best.
 //!
-//! The form, little-endian: `CHLC`, version 1 as u32, then u32 `m` (modes), u32 `k` (functions), u32 `n` (vertices), f64 step; the rest is zstd of
-//! the rounded coefficients as i32, mode after mode within a function, their bytes zigzagged and split into planes, lowest bytes first.
+//! Where a surface lies far from the origin, coefficients of the constant dwarf all others, and equal steps leave nothing of the shape. Means of functions are
+//! then sent as they are, and the coefficients are those of what is left; for a basis that holds the constant.
+//!
+//! The form, little-endian: `CHLC`, version as u32, then u32 `m` (modes), u32 `k` (functions), u32 `n` (vertices), f64 step; in version 2 `k` means as
+//! f64, where version 1 has none; the rest is zstd of the rounded coefficients as i32, mode after mode within a function, their bytes zigzagged and split
+//! into planes, lowest bytes first.
 
 use chladni_algebra::DenseMatrix;
 
@@ -12,7 +16,9 @@ use super::error::{self, AnalysisError};
 use crate::basis::Basis;
 
 const MAGIC: &[u8; 4] = b"CHLC";
-const VERSION: u32 = 1;
+/// Without means of the functions, and with them.
+const BARE: u32 = 1;
+const WITH_MEANS: u32 = 2;
 const HEADER: usize = 4 + 4 * 4 + 8;
 
 /// The most bits of a coefficient.
@@ -20,6 +26,12 @@ pub const MOST_BITS: u32 = 30;
 
 /// The most functions at once.
 pub const MOST_FUNCTIONS: usize = 256;
+
+/// Means are sent beside the coefficients where one is so many times as large as the function is apart from it.
+const FAR: f64 = 16.0;
+
+/// Constants are in the span of the modes where no more than this share of the square of their norm is missing: modes may be in single precision.
+const MISSING: f64 = 1e-4;
 
 /// How hard zstd tries: coefficients are few.
 const LEVEL: i32 = 19;
@@ -49,11 +61,22 @@ pub fn compress(basis: &Basis, functions: &DenseMatrix, pairs: usize, bits: u32)
     error::count("pairs", pairs, 1, basis.count())?;
     error::count("bits", bits as usize, 2, MOST_BITS as usize)?;
     error::count("functions", functions.columns(), 1, MOST_FUNCTIONS)?;
-    let mut coefficients = basis.project(functions)?;
+    let means = far_means(basis, functions, pairs)?;
+    let mut coefficients = match &means {
+        None => basis.project(functions)?,
+        Some(means) => basis.project(&moved(functions, means, -1.0))?,
+    };
     for column in 0..coefficients.columns() {
         coefficients.column_mut(column)[pairs..].fill(0.0);
     }
-    let truncated = basis.evaluate(&coefficients)?;
+    let evaluated = |coefficients: &DenseMatrix| -> Result<DenseMatrix, AnalysisError> {
+        let values = basis.evaluate(coefficients)?;
+        Ok(match &means {
+            None => values,
+            Some(means) => moved(&values, means, 1.0),
+        })
+    };
+    let truncated = evaluated(&coefficients)?;
     let largest = coefficients.values().iter().fold(0.0f64, |most, value| most.max(value.abs()));
     if !largest.is_finite() {
         let (parameter, value) = ("largest coefficient", largest);
@@ -68,9 +91,9 @@ pub fn compress(basis: &Basis, functions: &DenseMatrix, pairs: usize, bits: u32)
             *value = whole * step;
         }
     }
-    let reconstruction = basis.evaluate(&coefficients)?;
+    let reconstruction = evaluated(&coefficients)?;
     let sizes = [pairs, functions.columns(), basis.vertices()];
-    let bytes = pack(&rounded, sizes, step);
+    let bytes = pack(&rounded, sizes, step, means.as_deref());
     Ok(Compressed {
         step,
         nonzeros: rounded.iter().filter(|&&value| value != 0).count(),
@@ -86,13 +109,42 @@ pub fn compress(basis: &Basis, functions: &DenseMatrix, pairs: usize, bits: u32)
 /// # Errors
 /// [`AnalysisError::Stream`] where the bytes are damaged or of another basis.
 pub fn decompress(basis: &Basis, bytes: &[u8]) -> Result<DenseMatrix, AnalysisError> {
-    let (rounded, pairs, columns, step) = unpack(bytes, basis)?;
+    let Unpacked { rounded, pairs, columns, step, means } = unpack(bytes, basis)?;
     let mut coefficients = DenseMatrix::zeros(basis.count(), columns);
     for (column, values) in rounded.chunks_exact(pairs).enumerate() {
         let slots = coefficients.column_mut(column).iter_mut().zip(values);
         slots.for_each(|(slot, &value)| *slot = f64::from(value) * step);
     }
-    Ok(basis.evaluate(&coefficients)?)
+    let values = basis.evaluate(&coefficients)?;
+    Ok(if means.is_empty() { values } else { moved(&values, &means, 1.0) })
+}
+
+/// Means of functions, where one of them dwarfs its function and the first modes hold constants.
+fn far_means(basis: &Basis, functions: &DenseMatrix, pairs: usize) -> Result<Option<Vec<f64>>, AnalysisError> {
+    let masses = basis.mass.lumped();
+    let total: f64 = masses.iter().sum();
+    let mean = |column: usize| masses.iter().zip(functions.column(column)).map(|(m, x)| m * x).sum::<f64>() / total;
+    let means: Vec<f64> = (0..functions.columns()).map(mean).collect();
+    if !means.iter().all(|mean| mean.is_finite()) {
+        return Ok(None);
+    }
+    let norms = basis.norms(&moved(functions, &means, -1.0))?;
+    let is_far = |(mean, norm): (&f64, &f64)| mean.abs() * total.sqrt() > FAR * norm;
+    if !means.iter().zip(&norms).any(is_far) {
+        return Ok(None);
+    }
+    let one = DenseMatrix::from_columns(functions.rows(), 1, vec![1.0; functions.rows()]);
+    let held: f64 = basis.project(&one)?.column(0)[..pairs].iter().map(|c| c * c).sum();
+    Ok((held >= (1.0 - MISSING) * total).then_some(means))
+}
+
+/// Functions with a share of their means added.
+fn moved(functions: &DenseMatrix, means: &[f64], share: f64) -> DenseMatrix {
+    let mut moved = functions.clone();
+    for (column, mean) in means.iter().enumerate() {
+        moved.column_mut(column).iter_mut().for_each(|x| *x += share * mean);
+    }
+    moved
 }
 
 /// Errors in the norm of the mass, relative to how far functions are from their means.
@@ -112,11 +164,12 @@ fn errors(basis: &Basis, functions: &DenseMatrix, other: &DenseMatrix) -> Result
     Ok(norms.map(|(lost, size)| if lost == 0.0 || size == 0.0 { 0.0 } else { lost / size }).collect())
 }
 
-fn pack(values: &[i32], sizes: [usize; 3], step: f64) -> Vec<u8> {
+fn pack(values: &[i32], sizes: [usize; 3], step: f64, means: Option<&[f64]>) -> Vec<u8> {
     let mut bytes = MAGIC.to_vec();
-    bytes.extend(VERSION.to_le_bytes());
+    bytes.extend(if means.is_some() { WITH_MEANS } else { BARE }.to_le_bytes());
     sizes.iter().for_each(|&size| bytes.extend((size as u32).to_le_bytes()));
     bytes.extend(step.to_le_bytes());
+    means.into_iter().flatten().for_each(|mean| bytes.extend(mean.to_le_bytes()));
     let planes = planes(values);
     // Into memory, zstd fails only where there is none.
     bytes.extend(zstd::bulk::compress(&planes, LEVEL).unwrap_or_default());
@@ -135,7 +188,17 @@ fn planes(values: &[i32]) -> Vec<u8> {
     planes
 }
 
-fn unpack(bytes: &[u8], basis: &Basis) -> Result<(Vec<i32>, usize, usize, f64), AnalysisError> {
+/// What compressed functions consist of.
+struct Unpacked {
+    rounded: Vec<i32>,
+    pairs: usize,
+    columns: usize,
+    step: f64,
+    /// Of each function, or none.
+    means: Vec<f64>,
+}
+
+fn unpack(bytes: &[u8], basis: &Basis) -> Result<Unpacked, AnalysisError> {
     let refuse = |at: usize, reason: &'static str| AnalysisError::Stream { at, reason };
     if bytes.len() < HEADER {
         return Err(refuse(bytes.len(), "the header ends early"));
@@ -145,7 +208,7 @@ fn unpack(bytes: &[u8], basis: &Basis) -> Result<(Vec<i32>, usize, usize, f64), 
     }
     let (words, _) = bytes[4..20].as_chunks::<4>();
     let [version, pairs, columns, vertices] = [0, 1, 2, 3].map(|k| u32::from_le_bytes(words[k]) as usize);
-    if version != VERSION as usize {
+    if version != BARE as usize && version != WITH_MEANS as usize {
         return Err(refuse(4, "the version is unknown"));
     }
     if vertices != basis.vertices() {
@@ -163,10 +226,19 @@ fn unpack(bytes: &[u8], basis: &Basis) -> Result<(Vec<i32>, usize, usize, f64), 
     if !(step.is_finite() && step > 0.0) {
         return Err(refuse(20, "the step is no number above zero"));
     }
+    let means = if version == WITH_MEANS as usize { columns } else { 0 };
+    let Some(means) = bytes.get(HEADER..HEADER + 8 * means) else {
+        return Err(refuse(bytes.len(), "the means end early"));
+    };
+    let packed = &bytes[HEADER + means.len()..];
+    let means: Vec<f64> = means.as_chunks::<8>().0.iter().map(|&word| f64::from_le_bytes(word)).collect();
+    if !means.iter().all(|mean| mean.is_finite()) {
+        return Err(refuse(HEADER, "a mean is not a finite number"));
+    }
     let count = pairs * columns;
     // At most this much memory is taken, whatever the bytes say.
-    let planes = zstd::bulk::decompress(&bytes[HEADER..], 4 * count)
-        .map_err(|_| refuse(HEADER, "the coefficients are damaged"))?;
+    let planes =
+        zstd::bulk::decompress(packed, 4 * count).map_err(|_| refuse(HEADER, "the coefficients are damaged"))?;
     if planes.len() != 4 * count {
         return Err(refuse(HEADER, "there are not as many coefficients as the header says"));
     }
@@ -174,7 +246,7 @@ fn unpack(bytes: &[u8], basis: &Basis) -> Result<(Vec<i32>, usize, usize, f64), 
         let word = u32::from_le_bytes([0, 1, 2, 3].map(|plane| planes[plane * count + k]));
         (word >> 1) as i32 ^ -((word & 1) as i32)
     };
-    Ok(((0..count).map(value).collect(), pairs, columns, step))
+    Ok(Unpacked { rounded: (0..count).map(value).collect(), pairs, columns, step, means })
 }
 
 #[cfg(test)]
@@ -203,6 +275,25 @@ mod tests {
                 assert!(packed.nonzeros <= 2 * pairs);
             }
         }
+    }
+
+    #[test]
+    fn what_lies_far_from_the_origin_keeps_its_shape() {
+        let basis = chain(90, 40);
+        let near = functions(90);
+        let far = moved(&near, &[3e6, 0.0], 1.0);
+        let (near, far) = (compress(&basis, &near, 40, 14).unwrap(), compress(&basis, &far, 40, 14).unwrap());
+        assert_eq!((near.bytes[4], far.bytes[4]), (1, 2));
+        assert_eq!(decompress(&basis, &far.bytes).unwrap(), far.reconstruction);
+        for (near, far) in near.relative_errors.iter().zip(&far.relative_errors) {
+            assert!(far < &(1.01 * near + 1e-6), "{far} {near}");
+        }
+        for length in 0..far.bytes.len() {
+            assert!(decompress(&basis, &far.bytes[..length]).is_err(), "{length}");
+        }
+        let mut bad = far.bytes.clone();
+        bad[HEADER..HEADER + 8].copy_from_slice(&f64::NAN.to_le_bytes());
+        assert!(decompress(&basis, &bad).unwrap_err().to_string().contains("mean"));
     }
 
     #[test]

@@ -23,6 +23,7 @@ use chladni_mesh::connected::components;
 use chladni_mesh::intrinsic::IntrinsicTriangulation;
 
 use self::probe::Probe;
+use super::descents::Slopes;
 use super::error::{self, AnalysisError};
 use super::unit_gradients::UnitGradients;
 use crate::operator::robust;
@@ -55,9 +56,9 @@ pub struct HeatGeodesics {
 pub struct HeatDistances {
     /// `n × groups`, in units of the mesh.
     pub distances: DenseMatrix,
-    /// For each group, by how much the slope of its distances, which is one, differs from one, on average over the area of its components; nothing where
-    /// these have no area. Distances are off by less, relative to themselves in the norm of L²: by a quarter to nearly all of it on any mesh
-    /// (`docs/distances.md`).
+    /// For each group, by how much the slope of its distances, which is one, differs from one: on average over the area of its components, or along paths
+    /// from there to the sources, whichever is more; nothing where these have no area. Distances are off by about as much or less, relative to themselves
+    /// in the norm of L² (`docs/distances.md`).
     pub slope_errors: Vec<Option<f64>>,
 }
 
@@ -139,7 +140,7 @@ impl HeatGeodesics {
     /// About the bytes that it takes.
     pub fn bytes(&self) -> u64 {
         let entry = 2 + self.heat.bytes() + self.poisson.bytes();
-        (entry * self.symbolic.entries() + 400 * self.vertices() + 60 * self.gradients.faces()) as u64
+        (entry * self.symbolic.entries() + 400 * self.vertices() + 72 * self.gradients.faces()) as u64
     }
 
     /// Distances in the units of the mesh of all vertices from the nearest vertex of each of some groups, infinite in components without one; and how
@@ -180,12 +181,23 @@ impl HeatGeodesics {
         Ok(HeatDistances { distances, slope_errors })
     }
 
-    /// By how much slopes of the column that `potential` begins with differ from one, where its sources lead to.
+    /// By how much slopes of the column that `potential` begins with differ from one where its sources lead to: on average over the surface, or along paths
+    /// from all over it to its sources, whichever is more.
     fn slope_error(&self, potential: &[f64], width: usize, sources: &[u32]) -> Option<f64> {
-        let mut reached = vec![false; self.vertices()];
-        sources.iter().for_each(|&source| reached[self.component[source as usize] as usize] = true);
+        let n = self.vertices();
+        let (mut reached, mut is_source, mut bases) = (vec![false; n], vec![false; n], vec![f64::INFINITY; n]);
         let value = |place: u32| potential[place as usize * width];
-        self.gradients.slope_error(value, |place| reached[self.component_at[place as usize] as usize])
+        for &source in sources {
+            let (place, component) = (self.place[source as usize], self.component[source as usize] as usize);
+            (reached[component], is_source[place as usize]) = (true, true);
+            bases[component] = bases[component].min(value(place));
+        }
+        let component = |place: u32| self.component_at[place as usize] as usize;
+        let everywhere = self.gradients.slope_error(value, |place| reached[component(place)]);
+        let distance = |place: u32| value(place) - bases[component(place)];
+        let slopes = Slopes { triangles: &self.gradients, distance, is_source: |place: u32| is_source[place as usize] };
+        let along = slopes.error(|place| reached[component(place)]);
+        everywhere.into_iter().chain(along).reduce(f64::max)
     }
 
     /// Distances of the column that `potential` begins with, zero at its sources.

@@ -3,6 +3,7 @@
 
 mod complement;
 pub mod compression;
+mod descents;
 pub mod distance;
 mod error;
 pub mod family;

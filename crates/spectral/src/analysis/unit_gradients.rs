@@ -21,6 +21,8 @@ pub(super) struct UnitGradients {
     sheets: f64,
     corners: Vec<[u32; 3]>,
     shapes: Vec<Shape>,
+    /// The other side of each half-edge.
+    twins: Vec<[u32; 3]>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -42,14 +44,27 @@ impl UnitGradients {
     /// `place` is where each vertex is in the order of the factor.
     pub fn new(triangulation: &IntrinsicTriangulation, place: &[u32]) -> Self {
         let share = 1.0 / triangulation.sheets() as f64;
-        let faces = triangulation.faces().iter().zip(triangulation.shapes()).map(|(face, shape)| {
-            let shape = Shape { half_cotangents: shape.half_cotangents, area: share * share * shape.area };
-            (face.map(|vertex| place[vertex as usize]), shape)
+        let corners: Vec<[u32; 3]> =
+            triangulation.faces().iter().map(|face| face.map(|vertex| place[vertex as usize])).collect();
+        let mut order: Vec<u32> = (0..corners.len() as u32).collect();
+        order.sort_by_key(|&face| corners[face as usize].iter().min().copied());
+        let mut at = vec![0; order.len()];
+        order.iter().zip(0..).for_each(|(&face, new)| at[face as usize] = new);
+        let shapes = order.iter().map(|&face| {
+            let shape = triangulation.shapes()[face as usize];
+            Shape { half_cotangents: shape.half_cotangents, area: share * share * shape.area }
         });
-        let mut faces: Vec<([u32; 3], Shape)> = faces.collect();
-        faces.sort_by_key(|(corners, _)| corners.iter().min().copied());
-        let (corners, shapes) = faces.into_iter().unzip();
-        Self { vertices: place.len(), sheets: triangulation.sheets() as f64, corners, shapes }
+        let twins = order.iter().map(|&face| {
+            let twin = |corner: usize| triangulation.twin(3 * face + corner as u32);
+            std::array::from_fn(|corner| 3 * at[twin(corner) as usize / 3] + twin(corner) % 3)
+        });
+        Self {
+            vertices: place.len(),
+            sheets: triangulation.sheets() as f64,
+            shapes: shapes.collect(),
+            twins: twins.collect(),
+            corners: order.iter().map(|&face| corners[face as usize]).collect(),
+        }
     }
 
     /// The number of triangles.
@@ -57,19 +72,44 @@ impl UnitGradients {
         self.corners.len()
     }
 
+    /// The corners of a triangle, by their places.
+    pub fn corners(&self, face: usize) -> [u32; 3] {
+        self.corners[face]
+    }
+
+    /// The vertex that a half-edge begins at, by its place.
+    pub fn beginning(&self, half_edge: usize) -> u32 {
+        self.corners[half_edge / 3][half_edge % 3]
+    }
+
+    /// The other side of half-edge `3f + c`, which runs from corner `c` of triangle `f` to the next one.
+    pub fn twin(&self, half_edge: usize) -> usize {
+        self.twins[half_edge / 3][half_edge % 3] as usize
+    }
+
+    /// Half the cotangents of the angles of a triangle.
+    pub fn half_cotangents(&self, face: usize) -> [f64; 3] {
+        self.shapes[face].half_cotangents
+    }
+
+    /// The area of a triangle.
+    pub fn area(&self, face: usize) -> f64 {
+        // What is kept is over the square of the number of sheets.
+        self.shapes[face].area * self.sheets * self.sheets
+    }
+
     /// By how much the slope of a distance differs from one, on average over the area of what the sources of a column lead to: at some
     /// [`LOOKED_AT`] triangles evenly among all. `reached` tells of each vertex, by its place; nothing without a triangle that is.
     pub fn slope_error(&self, distance: impl Fn(u32) -> f64, reached: impl Fn(u32) -> bool) -> Option<f64> {
         let stride = self.corners.len().div_ceil(LOOKED_AT).max(1);
         let (mut off, mut all) = (0.0, 0.0);
-        for (corners, shape) in self.corners.iter().zip(&self.shapes).step_by(stride) {
+        for face in (0..self.faces()).step_by(stride) {
+            let corners = self.corners(face);
             if !reached(corners[0]) {
                 continue;
             }
             let [p, q, r] = corners.map(&distance);
-            let [f, g, h] = shape.half_cotangents;
-            // The area here is over the square of the number of sheets, and that of which the energy is one is not.
-            let area = shape.area * self.sheets * self.sheets;
+            let ([f, g, h], area) = (self.half_cotangents(face), self.area(face));
             let energy = f * (q - r) * (q - r) + g * (r - p) * (r - p) + h * (p - q) * (p - q);
             if area > 0.0 {
                 off += area * ((energy.max(0.0) / area).sqrt() - 1.0).abs();

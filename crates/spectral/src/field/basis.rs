@@ -13,6 +13,7 @@ use crate::operator::hodge::FieldBoundary;
 use crate::operator::tangential::{FieldOperator, check_kind};
 use crate::operator::transport::FieldKind;
 
+use super::cover::cover;
 use super::harmonic::{HarmonicError, harmonic_fields};
 use super::heat::{self, FieldHeat};
 use super::local::{self, LocalEigenfields};
@@ -304,7 +305,7 @@ fn build<const B: usize>(
     let groups = parameters.dimension.div_ceil(B);
     let mut samples = farthest_points(&distances.connectivity(), groups, parameters.seed, monitor)?;
     samples.sort_unstable();
-    let columns = match &parameters.construction {
+    let mut columns = match &parameters.construction {
         Construction::Heat(heat) => {
             heat::columns(&operator, &local.dual, distances, &local.frames, &samples, heat, monitor)?
         }
@@ -312,6 +313,7 @@ fn build<const B: usize>(
             local::columns(&operator, &local.dual, distances, &local.frames, &samples, eigen, monitor)?
         }
     };
+    cover(&mut columns, parameters.field, &local.dual, &local.frames);
     monitor.stage("restriction");
     let sorted_space = from_columns(&columns, &(0..surface.faces() as u32).collect::<Vec<u32>>());
     if let Some(face) = sorted_space.uncovered() {

@@ -3,7 +3,7 @@
 use chladni_algebra::DenseMatrix;
 
 use super::constraints::{Condition, Slack};
-use super::slack;
+use super::slack::{self, Yield};
 
 /// Constraints without repetitions, and what a reduced space has them move by.
 pub(super) struct Compliance {
@@ -14,6 +14,8 @@ pub(super) struct Compliance {
     pub slacks: Vec<f64>,
     /// What unit pulls at the numbers move them by, without what has no energy.
     pub moved: DenseMatrix,
+    /// The places of those that are held by a strength, with the share that each misses.
+    strengths: Vec<(usize, f64)>,
 }
 
 impl Compliance {
@@ -24,7 +26,35 @@ impl Compliance {
         let slacks = slacks.map(|(i, slack)| if hard(&conditions[i / b]) { 0.0 } else { slack }).collect();
         let faces = conditions.iter().map(|c| c.face).collect();
         let values = conditions.iter().flat_map(|c| c.value.into_iter().take(b)).collect();
-        Self { faces, values, slacks, moved }
+        let strength = |(at, condition): (usize, &Condition)| match condition.slack {
+            Slack::Own(share) => Some((at, share)),
+            Slack::Weight(_) | Slack::Share(_) => None,
+        };
+        let strengths = conditions.iter().enumerate().filter_map(strength).collect();
+        Self { faces, values, slacks, moved, strengths }
+    }
+
+    /// Strengths by what all fields of a surface resist with, where `yields` tells what unit pulls at some faces move there.
+    ///
+    /// # Errors
+    /// Those of `yields`.
+    pub fn measure<E>(
+        &mut self,
+        b: usize,
+        yields: impl FnOnce(&[u32]) -> Result<Option<Vec<Yield>>, E>,
+    ) -> Result<(), E> {
+        let faces: Vec<u32> = self.strengths.iter().map(|&(at, _)| self.faces[at]).collect();
+        if faces.is_empty() {
+            return Ok(());
+        }
+        let Some(found) = yields(&faces)? else { return Ok(()) };
+        let mean = found.iter().map(|own| slack::mean(own, b)).sum::<f64>() / found.len() as f64;
+        for (own, &(at, share)) in found.iter().zip(&self.strengths) {
+            let mut value = [0.0; 3];
+            value[..b].copy_from_slice(&self.values[b * at..b * (at + 1)]);
+            self.slacks[b * at..b * (at + 1)].fill(slack::of_share(own, b, &value, share, mean));
+        }
+        Ok(())
     }
 }
 

@@ -149,6 +149,30 @@ fn many_constraints_give_what_the_assembled_system_gives_whatever_was_asked_befo
 }
 
 #[test]
+fn what_is_dragged_among_few_columns_gives_what_the_assembled_system_gives() {
+    let r = set_up(Shape::Sphere, 1500, FieldKind::NVector { n: 4 }, 600);
+    let model = r.model.weighted(MIXED, None).unwrap();
+    let mut constraints = strokes(&r, 300, 0.3, Hold::Weight(20.0));
+    for frame in 0..6 {
+        // Three faces next to each other, which come back to where they were.
+        (0..3).for_each(|k| constraints[k].face = (1000 + 2 * k + 4 * (frame % 3)) as u32);
+        let design = model.solve(&r.basis, &constraints).unwrap();
+        let off = distance(&design, &directly(&r, MIXED, &constraints));
+        assert!(off < 1e-5, "frame {frame}: {off}");
+    }
+    // Beside one that is met exactly.
+    for frame in 0..3 {
+        constraints[0] = hard(1000 + frame, 0.6, -0.8);
+        let design = model.solve(&r.basis, &constraints).unwrap();
+        assert!(design.residuals[0] < 1e-5, "{}", design.residuals[0]);
+        let mut firm = constraints.clone();
+        firm[0].hold = Hold::Weight(1e7);
+        let off = distance(&design, &directly(&r, MIXED, &firm));
+        assert!(off < 1e-3, "frame {frame}: {off}");
+    }
+}
+
+#[test]
 fn few_and_many_constraints_are_held_by_the_same_strengths_and_hard_ones_exactly() {
     let r = set_up(Shape::Torus, 600, FieldKind::NVector { n: 2 }, 150);
     let model = r.model.weighted(MIXED, None).unwrap();

@@ -10,7 +10,6 @@ use chladni_algebra::{
 };
 use rayon::prelude::*;
 
-use super::idle::dot;
 use super::pencil::within_surfaces;
 use crate::operator::transport::FieldKind;
 
@@ -80,12 +79,12 @@ pub(super) struct ShiftedFactor {
     idle: OnceLock<IdleSolves>,
 }
 
-/// What solves for the images of fields without energy leave.
-struct IdleSolves {
+/// What solves for the images of [fields without energy](super::kernel) leave.
+pub(super) struct IdleSolves {
     /// Halves of them.
-    halves: Vec<Vec<f64>>,
-    /// What they have in common with the images.
-    square: Vec<Vec<f64>>,
+    pub halves: Vec<Vec<f64>>,
+    /// What they have in common with the images, on each component.
+    pub squares: Vec<Vec<Vec<f64>>>,
 }
 
 /// Halves of solves by the faces that pull, with the bytes that they take.
@@ -139,6 +138,12 @@ impl<const B: usize> Direct<B> {
             return 0;
         }
         4 * self.symbolic.entries() as u64 + 300 * self.symbolic.size() as u64
+    }
+
+    /// About the multiplications that the first two factors take; none once they are there.
+    pub fn operations_of_making(&self) -> f64 {
+        let made = self.factors.lock().unwrap_or_else(PoisonError::into_inner).len();
+        LEAST_KEPT.saturating_sub(made) as f64 * self.symbolic.operations()
     }
 
     /// The factor for a shift, which is kept.
@@ -268,20 +273,24 @@ impl<const B: usize> Direct<B> {
         faces.iter().map(|face| found[face].clone()).collect()
     }
 
-    /// Halves of the solves for `M z` of each field without energy, and `(M z)ᵀ (S + γM)⁻¹ M z'`, once.
+    /// Halves of the solves for `M z` of fields without energy, and `(M z)ᵀ (S + γM)⁻¹ M z'` by `squares`, once.
     pub fn idle_halves<'f>(
         &self,
         factor: &'f ShiftedFactor,
         images: impl FnOnce() -> Vec<Vec<f64>>,
-    ) -> (&'f [Vec<f64>], &'f [Vec<f64>]) {
-        let IdleSolves { halves, square } = factor.idle.get_or_init(|| {
+        squares: impl FnOnce(&[Vec<f64>], &[Vec<f64>]) -> Vec<Vec<Vec<f64>>>,
+    ) -> &'f IdleSolves {
+        factor.idle.get_or_init(|| {
             let images = images();
             let halves: Vec<Vec<f64>> = images.par_iter().map(|image| self.eliminated(factor, image)).collect();
             let solved: Vec<Vec<f64>> = halves.par_iter().map(|half| self.substituted(factor, half.clone())).collect();
-            let square = images.iter().map(|image| solved.iter().map(|x| dot(image, x)).collect()).collect();
-            IdleSolves { halves, square }
-        });
-        (halves, square)
+            IdleSolves { squares: squares(&images, &solved), halves }
+        })
+    }
+
+    /// The faces in the order of elimination.
+    pub fn order(&self) -> &[u32] {
+        &self.order
     }
 }
 

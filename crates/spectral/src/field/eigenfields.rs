@@ -11,6 +11,7 @@ use chladni_base::Monitor;
 use rayon::prelude::*;
 
 use super::design::{DesignError, length};
+use super::kernel::Kernel;
 use super::refine::{FullSpace, Inner, RefineError};
 use super::refine_response::{Factor, Whole, add, dot};
 use crate::basis::{FieldAccuracyReport, FieldCertificate};
@@ -45,6 +46,9 @@ const USUAL: f64 = 0.1;
 
 /// Fields of norm 1 with less energy, on unit area, have none that matters: they are kept as they are.
 const IDLE: f64 = 1e-4;
+
+/// Numbers of a field that one task handles.
+const PIECE: usize = 4096;
 
 /// What eigenfields of the whole surface are computed for.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -84,12 +88,19 @@ pub struct WholeField {
 impl LowestFields {
     /// What they tell of approximate ones of these values, on unit area, of a surface of an area.
     pub fn certificate(&self, values: &[f64], area: f64) -> FieldCertificate {
+        self.certificate_above(values, 0, area)
+    }
+
+    /// The same where these are those above `idle` fields without energy.
+    pub fn certificate_above(&self, values: &[f64], idle: usize, area: f64) -> FieldCertificate {
         let (mut estimates, mut bounds, mut largest) = (Vec::new(), Vec::new(), 0.0f64);
-        for (own, value) in self.fields.iter().zip(values) {
-            let estimate = own.gained + own.left;
+        let nothing = values.iter().take(idle).map(|&value| (value, value, value));
+        let above = self.fields.iter().zip(values.iter().skip(idle));
+        let above = above.map(|(own, &value)| (value, own.gained + own.left, own.gained + own.bound));
+        for (value, estimate, bound) in nothing.chain(above) {
             largest = largest.max(estimate / share_of(value - estimate));
             estimates.push(estimate / area);
-            bounds.push(Some((own.gained + own.bound) / area).filter(|bound| bound.is_finite()));
+            bounds.push(Some(bound / area).filter(|bound| bound.is_finite()));
         }
         let accuracy = FieldAccuracyReport { goal: USUAL, largest_estimate: largest, reached: largest <= USUAL };
         FieldCertificate { estimates, bounds, accuracy }
@@ -141,8 +152,27 @@ impl FullSpace {
             return Ok(LowestFields { reached: true, ..LowestFields::default() });
         }
         match &self.inner {
-            Inner::Two(whole) => Lowest::new(whole, start, wanted)?.run(goal, monitor),
-            Inner::Three(whole) => Lowest::new(whole, start, wanted)?.run(goal, monitor),
+            Inner::Two(whole) => Lowest::new(whole, None, start, wanted, monitor)?.run(goal, monitor),
+            Inner::Three(whole) => Lowest::new(whole, None, start, wanted, monitor)?.run(goal, monitor),
+        }
+    }
+
+    /// The same of the fields above those without energy, which [`count_idle`](Self::count_idle) has found: they are not among `start`, and are kept
+    /// component by component, so that there may be many.
+    ///
+    /// # Errors
+    /// As for [`eigenfields`](Self::eigenfields).
+    pub fn eigenfields_above_idle(
+        &self,
+        start: Vec<Vec<f64>>,
+        wanted: usize,
+        goal: EigenfieldGoal,
+        monitor: &dyn Monitor,
+    ) -> Result<LowestFields, RefineError> {
+        let wanted = wanted.min(start.len());
+        match &self.inner {
+            Inner::Two(whole) => Lowest::new(whole, whole.kernel.get(), start, wanted, monitor)?.run(goal, monitor),
+            Inner::Three(whole) => Lowest::new(whole, whole.kernel.get(), start, wanted, monitor)?.run(goal, monitor),
         }
     }
 }
@@ -152,7 +182,9 @@ struct Lowest<'a, const B: usize> {
     whole: &'a Whole<B>,
     factor: Factor<'a, B>,
     wanted: usize,
-    /// Fields without energy, orthonormal, with the little that they have. Nothing below them is looked for: no value is negative.
+    /// Fields without energy that are known beforehand.
+    kernel: Option<&'a Kernel>,
+    /// Others without energy, orthonormal, with the little that they have. Nothing below them is looked for: no value is negative.
     idle: Vec<(Vec<f64>, f64)>,
     /// The others, orthonormal, each with its value; `S` is diagonal among them.
     fields: Vec<Vec<f64>>,
@@ -178,23 +210,35 @@ fn share_of(value: f64) -> f64 {
 }
 
 impl<'a, const B: usize> Lowest<'a, B> {
-    fn new(whole: &'a Whole<B>, start: Vec<Vec<f64>>, wanted: usize) -> Result<Self, RefineError> {
+    fn new(
+        whole: &'a Whole<B>,
+        kernel: Option<&'a Kernel>,
+        start: Vec<Vec<f64>>,
+        wanted: usize,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, RefineError> {
         let factor = whole.factor(SHIFT)?;
         let count = start.len();
         let (idle, fields, values, steps) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        let mut made = Self { whole, factor, wanted, idle, fields, values, steps };
+        let mut made = Self { whole, factor, wanted, kernel, idle, fields, values, steps };
         // They were stored in single precision: made orthonormal, their values stay what they were to seven digits.
-        made.fields = made.orthonormal(Vec::new(), start);
-        made.lower(count)?;
+        made.fields = made.orthonormal(Vec::new(), start, monitor)?;
+        made.lower(count, monitor)?;
         let idle = LowestFields::idle(&made.values);
         made.idle = made.fields.drain(..idle).zip(made.values.drain(..idle)).collect();
         Ok(made)
     }
 
     /// `known` and what of `more` lies outside of it, orthonormal.
-    fn orthonormal(&self, known: Vec<Vec<f64>>, more: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+    fn orthonormal(
+        &self,
+        known: Vec<Vec<f64>>,
+        more: Vec<Vec<f64>>,
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<Vec<f64>>, RefineError> {
         let mut found = known;
         for mut own in more {
+            monitor.checkpoint()?;
             let mut size = self.whole.product(&own, &own).sqrt();
             let least = (OWN * size).max(ROUNDING);
             for _ in 0..2 {
@@ -206,27 +250,33 @@ impl<'a, const B: usize> Lowest<'a, B> {
                 found.push(own);
             }
         }
-        found
+        Ok(found)
     }
 
     /// Takes orthonormal fields out of a field.
     fn without(&self, fields: &[Vec<f64>], own: &mut [f64]) {
+        self.kernel.iter().for_each(|kernel| kernel.take_out(self.whole, own));
         let mut image = own.to_vec();
         self.whole.weigh(&mut image);
-        let known = || self.idle.iter().map(|own| &own.0).chain(fields);
-        let shares: Vec<f64> = known().map(|field| dot(field, &image)).collect();
-        known().zip(shares).for_each(|(field, share)| add(own, field, -share));
+        let known: Vec<&Vec<f64>> = self.idle.iter().map(|own| &own.0).chain(fields).collect();
+        let shares: Vec<f64> = known.par_iter().map(|field| dot(field, &image)).collect();
+        own.par_chunks_mut(PIECE).enumerate().for_each(|(k, own)| {
+            for (field, share) in known.iter().zip(&shares) {
+                own.iter_mut().zip(&field[k * PIECE..]).for_each(|(own, x)| *own -= share * x);
+            }
+        });
     }
 
     /// The fields of the `count` lowest values in the span of `fields`, which are orthonormal, take their place; what is not of the first `count`
     /// makes the steps.
-    fn lower(&mut self, count: usize) -> Result<(), RefineError> {
+    fn lower(&mut self, count: usize, monitor: &dyn Monitor) -> Result<(), RefineError> {
         let all = self.fields.len();
         if all == 0 {
             return Ok(());
         }
         let mut matrix = DenseMatrix::zeros(all, all);
         for j in 0..all {
+            monitor.checkpoint()?;
             let image = self.whole.stiff(&self.fields[j]);
             let products: Vec<f64> = self.fields[..=j].par_iter().map(|field| dot(field, &image)).collect();
             for (i, product) in products.into_iter().enumerate() {
@@ -236,15 +286,17 @@ impl<'a, const B: usize> Lowest<'a, B> {
         }
         let kept = count.min(all);
         let pairs = lowest_symmetric(matrix, kept, &chladni_base::Unwatched).map_err(DesignError::Eigen)?;
-        let mixed = |k: usize, from: usize| {
+        let mixed = |k: usize, from: usize| -> Result<Vec<f64>, RefineError> {
+            monitor.checkpoint()?;
             let mut sum = vec![0.0; self.fields[0].len()];
             for (field, &share) in self.fields.iter().zip(pairs.vectors.column(k)).skip(from) {
                 add(&mut sum, field, share);
             }
-            sum
+            Ok(sum)
         };
-        let steps = if all > count { (0..kept).map(|k| mixed(k, count)).collect() } else { Vec::new() };
-        let fields = (0..kept).map(|k| mixed(k, 0)).collect();
+        let all_mixed = |from: usize| (0..kept).into_par_iter().map(|k| mixed(k, from)).collect::<Result<_, _>>();
+        let steps = if all > count { all_mixed(count)? } else { Vec::new() };
+        let fields = all_mixed(0)?;
         self.values = pairs.values;
         self.fields = fields;
         self.steps = steps;
@@ -314,9 +366,10 @@ impl<'a, const B: usize> Lowest<'a, B> {
             rounds += 1;
             let fields = std::mem::take(&mut self.fields);
             let steps = std::mem::take(&mut self.steps);
-            let together = self.orthonormal(fields, corrections.into_iter().map(|own| own.field).collect());
-            self.fields = self.orthonormal(together, steps);
-            self.lower(count)?;
+            let corrections = corrections.into_iter().map(|own| own.field).collect();
+            let together = self.orthonormal(fields, corrections, monitor)?;
+            self.fields = self.orthonormal(together, steps, monitor)?;
+            self.lower(count, monitor)?;
         }
     }
 

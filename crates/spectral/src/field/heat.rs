@@ -140,7 +140,12 @@ pub(super) fn columns<const B: usize>(
         |scratch, column| {
             for _ in 0..parameters.steps {
                 monitor.checkpoint()?;
+                let before = column.blocks.clone();
                 heat.step(column, scratch, parameters.tolerance);
+                // Beside needles a billion times as long as wide single precision overflows: better too little diffused than no numbers.
+                if !is_finite(column) {
+                    column.blocks = before;
+                }
             }
             let done = done.fetch_add(1, Ordering::Relaxed) + 1;
             if done.is_multiple_of(8) {
@@ -162,6 +167,9 @@ pub(super) fn columns<const B: usize>(
                 monitor.checkpoint()?;
                 let before = column.blocks.clone();
                 smoother.smooth(column, scratch);
+                if !is_finite(column) {
+                    column.blocks.clone_from(&before);
+                }
                 Ok(unity::weights(operator.kind, &before, &column.blocks))
             },
         )
@@ -245,6 +253,10 @@ pub(super) fn carry_frame<const B: usize>(
         let mean = Turn::mean(closer);
         carried.push(mean);
     }
+}
+
+fn is_finite<const B: usize>(column: &Column<B>) -> bool {
+    column.blocks.iter().all(|block| block.as_flattened().iter().all(|x| x.is_finite()))
 }
 
 /// The magnitude of a block: 1 for a rotation.

@@ -4,20 +4,32 @@
 //! What constraints move at each other's faces then takes half of a solve with either factor on the few supernodes that they reach, and the field
 //! itself one substitution with either. Fields without energy are taken out of the right-hand sides before they are solved for.
 
-use chladni_algebra::{DenseMatrix, HalfSolved, lowest_symmetric};
-use chladni_base::{Monitor, SplitMix64, Unwatched};
+use std::sync::Arc;
+
+use chladni_algebra::{DenseMatrix, HalfSolved};
+use chladni_base::Monitor;
 use rayon::prelude::*;
 
 use super::design::{Constraint, Design, DesignError};
-use super::direct::{Direct, ShiftedFactor};
+use super::direct::{Direct, IdleSolves, ShiftedFactor};
 use super::idle::dot as small_dot;
+use super::kernel::{Kernel, Own};
 use super::refine::{FullSpace, Inner, RefineError, Refined};
-use super::refine_response::{IDLE, Response, Sum, Whole, add, dot};
+use super::refine_response::{Response, Sum, Whole, add};
+use super::slack::Yield;
 use super::weighted::{System, WeightedModel, amounts_of_kernel};
 use crate::basis::FieldBasis;
 
 /// More constraints are met by conjugate gradients on their pulls.
-const MOST_CONSTRAINTS: usize = 128;
+const MOST_CONSTRAINTS: usize = 256;
+
+/// Faces whose halves of solves are held at once where only what each moves by itself is asked for.
+const MEASURED_TOGETHER: usize = 64;
+
+/// Where the sum is no product, what a face resists with takes solves by conjugate gradients: of no more faces than this, and to this tolerance, whose
+/// square is the error.
+const MOST_MEASURED: usize = 32;
+const MEASURED: f64 = 1e-2;
 
 /// How much closer together both inverses may be than either is large: their difference loses as many digits.
 const MOST_CANCELLED: f64 = 1e6;
@@ -28,13 +40,6 @@ const CANCELLED: f64 = 100.0;
 /// Hard constraints are met to this share of the largest that is asked for; it takes so many corrections at most.
 const MET: f64 = 1e-9;
 const CORRECTIONS: usize = 6;
-
-/// Fields without energy that are looked for at first, and at most.
-const FIRST_IDLE: usize = 8;
-const MOST_IDLE: usize = 128;
-
-/// Steps of subspace iteration: each leaves the least shift over the lowest positive eigenvalue of what is not idle.
-const IDLE_STEPS: usize = 3;
 
 /// How closely what alignments pull is answered.
 const CLOSE: f64 = 1e-10;
@@ -69,8 +74,17 @@ impl Difference {
     }
 }
 
+/// A [`Difference`] with its factors.
+struct Factors<'a> {
+    difference: Difference,
+    /// Fields without energy that nothing in the sum holds, where there are any.
+    kernel: Option<&'a Kernel>,
+    first: Arc<ShiftedFactor>,
+    second: Option<Arc<ShiftedFactor>>,
+}
+
 /// What pulls move at the constrained numbers, `factor` times.
-fn add_products<const B: usize>(halves: &[std::sync::Arc<HalfSolved>], factor: f64, into: &mut DenseMatrix) {
+fn add_products<const B: usize>(halves: &[Arc<HalfSolved>], factor: f64, into: &mut DenseMatrix) {
     let pairs: Vec<(usize, usize)> = (0..halves.len()).flat_map(|j| (0..=j).map(move |i| (i, j))).collect();
     let products: Vec<Vec<f64>> = pairs.par_iter().map(|&(i, j)| halves[i].product(&halves[j])).collect();
     for ((i, j), product) in pairs.into_iter().zip(products) {
@@ -90,7 +104,7 @@ impl FullSpace {
     /// coefficients are those of the field of the space that is nearest to it, where the model has Ritz coordinates, and so is its distance.
     ///
     /// `None` where that is for [`refine`](Self::refine): on surfaces whose factors do not fit, beside alignments with weights per
-    /// face or that outweigh the energies, and under more than 128 constraints.
+    /// face or that outweigh the energies, and under more than 256 constraints.
     ///
     /// # Errors
     /// [`RefineError`].
@@ -164,49 +178,32 @@ impl<const B: usize> Whole<B> {
         monitor: &dyn Monitor,
     ) -> Result<Option<Refined>, RefineError> {
         let (sum, force) = weighted.whole_sum(B * self.mass.len());
-        let (Some(direct), Some(difference)) = (&self.direct, Difference::of(&sum)) else { return Ok(None) };
+        let Some(direct) = &self.direct else { return Ok(None) };
         let conditions = weighted.conditions(basis, constraints)?;
         if conditions.len() > MOST_CONSTRAINTS {
             return Ok(None);
         }
-        let factor = |gamma: f64| -> Result<_, RefineError> {
-            monitor.checkpoint()?;
-            Ok(direct.factor(&self.stiffness, &self.mass, gamma).map_err(DesignError::Sparse)?)
-        };
-        let kernel: &[Vec<f64>] = match (sum.uniform > 0.0, self.kernel.get()) {
-            (true, _) => &[],
-            (false, Some(known)) => known,
-            (false, None) => match self.idle(direct, &*factor(difference.small)?, monitor)? {
-                Some(kernel) => kernel,
-                None => return Ok(None),
-            },
-        };
-        let first = match kernel.is_empty() {
-            true => factor(difference.small)?,
-            false => {
-                monitor.checkpoint()?;
-                direct.grounded(&self.stiffness, || self.to_ground(kernel)).map_err(DesignError::Sparse)?
-            }
-        };
-        let second = difference.large.map(factor).transpose()?;
+        let Some(factors) = self.factors(direct, &sum, monitor)? else { return Ok(None) };
+        let Factors { difference, kernel, first, second } = &factors;
+        let kernel = *kernel;
         let mut field = match force {
             Some(force) => Response::new(self, sum, kernel)?.apply(&force, CLOSE, monitor)?,
             None => vec![0.0; B * self.mass.len()],
         };
         if !conditions.is_empty() {
             let faces: Vec<u32> = conditions.iter().map(|condition| condition.face).collect();
-            let halves = direct.halves(&first, &faces);
+            let halves = direct.halves(first, &faces);
             let others = second.as_ref().map(|factor| direct.halves(factor, &faces));
             let size = B * faces.len();
             let (mut moved, mut less) = (DenseMatrix::zeros(size, size), DenseMatrix::zeros(size, size));
             add_products::<B>(&halves, difference.scale, &mut moved);
             others.iter().for_each(|halves| add_products::<B>(halves, -difference.scale, &mut less));
-            let idle = IdleHalves::new(self, direct, &first, kernel, &faces, &halves);
+            let idle = IdleHalves::new(self, direct, first, kernel, &faces, &halves);
             idle.take_out(difference.scale, &mut moved);
             let trace = |matrix: &DenseMatrix| (0..size).map(|i| matrix.column(i)[i].abs()).sum::<f64>();
             let before = trace(&moved);
             moved.values_mut().iter_mut().zip(less.values()).for_each(|(m, l)| *m += l);
-            if let Some(second) = &second {
+            if let Some(second) = second {
                 idle.take_out_of_second(difference.scale / second.gamma, &mut moved);
             }
             let after = trace(&moved);
@@ -218,32 +215,32 @@ impl<const B: usize> Whole<B> {
                 Err(DesignError::Dependent { .. }) => return Ok(None),
                 made => made?,
             };
-            let mut right = DenseMatrix::zeros(size, 1 + kernel.len());
+            let mut right = DenseMatrix::zeros(size, 1 + idle.own.len());
             for (i, missing) in right.column_mut(0).iter_mut().enumerate() {
                 let condition = &conditions[i / B];
                 *missing = condition.value[i % B] - field[B * condition.face as usize + i % B];
             }
-            for k in 0..kernel.len() {
+            for k in 0..idle.own.len() {
                 right.column_mut(1 + k).iter_mut().zip(&idle.values).for_each(|(r, values)| *r = values[k]);
             }
             let answer = |y: &[f64]| {
                 let mut half = vec![0.0; B * self.mass.len()];
                 halves.iter().zip(y.chunks_exact(B)).for_each(|(own, y)| own.add_to(y, &mut half));
-                idle.take_out_of_half(y, &mut half);
+                idle.take_out_of_half(direct, y, &mut half);
                 let Some((second, others)) = second.as_ref().zip(others.as_ref()) else {
-                    return (direct.substituted(&first, half), difference.scale);
+                    return (direct.substituted(first, half), difference.scale);
                 };
                 if before > CANCELLED * after {
                     // One inverse after the other, of which nothing is subtracted.
-                    let mut own = direct.substituted(&first, half);
-                    self.take_out(kernel, &mut own);
+                    let mut own = direct.substituted(first, half);
+                    kernel.iter().for_each(|kernel| kernel.take_out(self, &mut own));
                     let between = second.gamma - difference.small;
                     return (direct.solve(second, &self.weighed(&own)), difference.scale * between);
                 }
                 let mut other = vec![0.0; B * self.mass.len()];
                 others.iter().zip(y.chunks_exact(B)).for_each(|(own, y)| own.add_to(y, &mut other));
                 let (mut own, other) =
-                    rayon::join(|| direct.substituted(&first, half), || direct.substituted(second, other));
+                    rayon::join(|| direct.substituted(first, half), || direct.substituted(second, other));
                 add(&mut own, &other, -1.0);
                 (own, difference.scale)
             };
@@ -253,9 +250,9 @@ impl<const B: usize> Whole<B> {
             for step in 0.. {
                 let (y, amounts) = system.pulls(&right, &conditions, B)?;
                 let (mut own, scale) = answer(&y);
-                self.take_out(kernel, &mut own);
+                kernel.iter().for_each(|kernel| kernel.take_out(self, &mut own));
                 add(&mut field, &own, scale);
-                kernel.iter().zip(amounts).for_each(|(z, amount)| add(&mut field, z, amount));
+                kernel.iter().for_each(|kernel| kernel.add_to::<B>(&idle.own, &amounts, &mut field));
                 pulls.iter_mut().zip(&y).for_each(|(sum, y)| *sum += y);
                 let values = faces.iter().flat_map(|&face| &field[B * face as usize..B * (face as usize + 1)]);
                 let (missing, most) = system.missing(values.copied(), &conditions, B, &pulls);
@@ -278,6 +275,99 @@ impl<const B: usize> Whole<B> {
         self.told(weighted, basis, constraints, coefficients, field, 0).map(Some)
     }
 
+    /// The inverse of a sum as a difference, with the factors that it takes; `None` where it is none, or fields without energy are not known.
+    fn factors(
+        &self,
+        direct: &Direct<B>,
+        sum: &Sum,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<Factors<'_>>, RefineError> {
+        let Some(difference) = Difference::of(sum) else { return Ok(None) };
+        let factor = |gamma: f64| -> Result<_, RefineError> {
+            monitor.checkpoint()?;
+            Ok(direct.factor(&self.stiffness, &self.mass, gamma).map_err(DesignError::Sparse)?)
+        };
+        let kernel = match (sum.uniform > 0.0, self.kernel.get()) {
+            (true, _) => None,
+            (false, Some(known)) if known.is_empty() || known.is_complete() => Some(known),
+            (false, Some(_)) => return Ok(None),
+            (false, None) => match self.idle(direct, &*factor(difference.small)?, monitor)? {
+                Some(kernel) => Some(kernel),
+                None => return Ok(None),
+            },
+        };
+        let kernel = kernel.filter(|kernel| !kernel.is_empty());
+        let first = match kernel {
+            None => factor(difference.small)?,
+            Some(kernel) => {
+                monitor.checkpoint()?;
+                direct.grounded(&self.stiffness, || kernel.to_ground(&self.stiffness)).map_err(DesignError::Sparse)?
+            }
+        };
+        let second = difference.large.map(factor).transpose()?;
+        Ok(Some(Factors { difference, kernel, first, second }))
+    }
+
+    /// What unit pulls at each of some faces move there, without fields that have no energy; `None` where neither factors nor few enough solves tell.
+    pub(super) fn yields(
+        &self,
+        response: &Response<'_, B>,
+        faces: &[u32],
+        monitor: &dyn Monitor,
+    ) -> Result<Option<Vec<Yield>>, RefineError> {
+        let Some(direct) = &self.direct else { return Ok(None) };
+        let empty = [[0.0; 3]; 3];
+        if let Some(Factors { difference, kernel, first, second }) = self.factors(direct, response.sum(), monitor)? {
+            let mut found = Vec::with_capacity(faces.len());
+            for faces in faces.chunks(MEASURED_TOGETHER) {
+                monitor.checkpoint()?;
+                let halves = direct.halves(&first, faces);
+                let others = second.as_ref().map(|factor| direct.halves(factor, faces));
+                let size = B * faces.len();
+                let mut moved = DenseMatrix::zeros(size, size);
+                for (at, own) in halves.iter().enumerate() {
+                    let mut product = own.product(own);
+                    if let Some(other) = others.as_ref().map(|others| &others[at]) {
+                        product.iter_mut().zip(other.product(other)).for_each(|(own, other)| *own -= other);
+                    }
+                    for (k, value) in product.into_iter().enumerate() {
+                        moved.column_mut(B * at + k % B)[B * at + k / B] = difference.scale * value;
+                    }
+                }
+                let idle = IdleHalves::new(self, direct, &first, kernel, faces, &halves);
+                idle.take_out(difference.scale, &mut moved);
+                if let Some(second) = &second {
+                    idle.take_out_of_second(difference.scale / second.gamma, &mut moved);
+                }
+                for at in 0..faces.len() {
+                    let entry = |i: usize, j: usize| moved.column(B * at + j)[B * at + i];
+                    let mut own = empty;
+                    (0..B).for_each(|i| (0..B).for_each(|j| own[i][j] = 0.5 * (entry(i, j) + entry(j, i))));
+                    found.push(own);
+                }
+            }
+            return Ok(Some(found));
+        }
+        if faces.len() > MOST_MEASURED {
+            return Ok(None);
+        }
+        let mut found = Vec::with_capacity(faces.len());
+        for &face in faces {
+            let mut own = empty;
+            let place = B * face as usize;
+            for j in 0..B {
+                let mut pull = vec![0.0; B * self.mass.len()];
+                pull[place + j] = 1.0;
+                let moved = response.apply(&pull, MEASURED, monitor)?;
+                (0..B).for_each(|i| own[i][j] = moved[place + i]);
+            }
+            let mirrored = own;
+            (0..B).for_each(|i| (0..B).for_each(|j| own[i][j] = 0.5 * (mirrored[i][j] + mirrored[j][i])));
+            found.push(own);
+        }
+        Ok(Some(found))
+    }
+
     fn with_nearest(
         &self,
         weighted: &WeightedModel,
@@ -291,98 +381,24 @@ impl<const B: usize> Whole<B> {
         Ok(found)
     }
 
-    /// Takes fields without energy out of another.
-    fn take_out(&self, kernel: &[Vec<f64>], field: &mut [f64]) {
-        for z in kernel {
-            let share = self.product(z, field);
-            add(field, z, -share);
-        }
-    }
-
-    /// As many numbers as there are fields without energy, at which no mixture of these vanishes, with what stiffness they have: by elimination with the
-    /// largest number of each field as pivot.
-    fn to_ground(&self, kernel: &[Vec<f64>]) -> Vec<(usize, f64)> {
-        let diagonal = self.stiffness.diagonal();
-        let mut fields = kernel.to_vec();
-        let mut numbers = Vec::with_capacity(fields.len());
-        for at in 0..fields.len() {
-            let (own, rest) = fields[at..].split_at_mut(1);
-            let own = &own[0];
-            let larger = |best: usize, i: usize| if own[i].abs() > own[best].abs() { i } else { best };
-            let pivot = (0..own.len()).fold(0, larger);
-            let stiff = diagonal[pivot / B][pivot % B][pivot % B];
-            numbers.push((pivot, if stiff > 0.0 { stiff } else { 1.0 }));
-            rest.par_iter_mut().for_each(|field| {
-                let share = field[pivot] / own[pivot];
-                field.iter_mut().zip(own).for_each(|(x, own)| *x -= share * own);
-            });
-        }
-        numbers
-    }
-
     fn weighed(&self, field: &[f64]) -> Vec<f64> {
         let mut image = field.to_vec();
         self.weigh(&mut image);
         image
     }
-
-    /// Fields without energy, by subspace iteration with the factor of the least shift; they are kept. `None` where there may be more than are looked
-    /// for.
-    pub(super) fn idle(
-        &self,
-        direct: &Direct<B>,
-        factor: &ShiftedFactor,
-        monitor: &dyn Monitor,
-    ) -> Result<Option<&[Vec<f64>]>, RefineError> {
-        if let Some(known) = self.kernel.get() {
-            return Ok(Some(known));
-        }
-        let size = B * self.mass.len();
-        let mut count = FIRST_IDLE.min(size);
-        let found = loop {
-            let mut random = SplitMix64::new(1);
-            let mut fields: Vec<Vec<f64>> =
-                (0..count).map(|_| (0..size).map(|_| random.signed_unit()).collect()).collect();
-            for _ in 0..IDLE_STEPS {
-                monitor.checkpoint()?;
-                fields = fields.par_iter().map(|field| direct.solve(factor, &self.weighed(field))).collect();
-                self.orthonormalise(&mut fields);
-            }
-            let images: Vec<Vec<f64>> = fields.iter().map(|field| self.stiff(field)).collect();
-            let mut energies = DenseMatrix::zeros(count, count);
-            for j in 0..count {
-                for i in 0..count {
-                    energies.column_mut(j)[i] = 0.5 * (dot(&fields[i], &images[j]) + dot(&fields[j], &images[i]));
-                }
-            }
-            let pairs = lowest_symmetric(energies, count, &Unwatched).map_err(DesignError::Eigen)?;
-            let idle = pairs.values.iter().take_while(|value| **value < IDLE).count();
-            if idle == count && count == MOST_IDLE && count < size {
-                return Ok(None);
-            }
-            if idle < count || count == size {
-                let mixed = |k: usize| {
-                    let mut sum = vec![0.0; size];
-                    fields.iter().zip(pairs.vectors.column(k)).for_each(|(field, &share)| add(&mut sum, field, share));
-                    sum
-                };
-                break (0..idle).map(mixed).collect::<Vec<_>>();
-            }
-            count = (2 * count).min(MOST_IDLE).min(size);
-        };
-        Ok(Some(self.kernel.get_or_init(|| found)))
-    }
 }
 
 /// What fields without energy have at the constrained numbers, and what is needed to take them out of the first inverse.
 struct IdleHalves<'a> {
-    /// For each number those of all fields.
+    /// Those of the components that have constraints.
+    own: Vec<Own>,
+    /// For each number those of all of them.
     values: Vec<Vec<f64>>,
     /// For each number the products of half of its solve with those for `M z`.
     products: Vec<Vec<f64>>,
     /// `(M z)ᵀ (S + αM)⁻¹ M z'`.
-    square: &'a [Vec<f64>],
-    halves: &'a [Vec<f64>],
+    square: Vec<Vec<f64>>,
+    kept: Option<(&'a Kernel, &'a IdleSolves)>,
 }
 
 impl<'a> IdleHalves<'a> {
@@ -390,29 +406,36 @@ impl<'a> IdleHalves<'a> {
         whole: &Whole<B>,
         direct: &Direct<B>,
         factor: &'a ShiftedFactor,
-        kernel: &[Vec<f64>],
+        kernel: Option<&'a Kernel>,
         faces: &[u32],
-        own: &[std::sync::Arc<HalfSolved>],
+        halves: &[Arc<HalfSolved>],
     ) -> Self {
-        if kernel.is_empty() {
+        let Some(kernel) = kernel else {
             let none = || vec![Vec::new(); B * faces.len()];
-            return Self { values: none(), products: none(), square: &[], halves: &[] };
-        }
-        let images = || kernel.iter().map(|field| whole.weighed(field)).collect();
-        let (halves, square) = direct.idle_halves(factor, images);
-        let values = faces.iter().flat_map(|&face| (0..B).map(move |i| B * face as usize + i));
-        let values = values.map(|at| kernel.iter().map(|field| field[at]).collect()).collect();
-        let with = |half: &HalfSolved| {
-            let all: Vec<Vec<f64>> = halves.iter().map(|idle| half.product_with(idle)).collect();
-            (0..B).map(|i| all.iter().map(|own| own[i]).collect::<Vec<f64>>()).collect::<Vec<_>>()
+            return Self { own: Vec::new(), values: none(), products: none(), square: Vec::new(), kept: None };
         };
-        let products = own.par_iter().flat_map_iter(|half| with(half)).collect();
-        Self { values, products, square, halves }
+        let kept = direct.idle_halves(factor, || kernel.images(whole), |a, b| kernel.squares::<B>(a, b));
+        let own = kernel.at(faces);
+        let numbers = faces.iter().flat_map(|&face| (0..B).map(move |i| (face, i)));
+        let values =
+            numbers.map(|(face, i)| own.iter().map(|&own| kernel.value::<B>(own, face, i)).collect()).collect();
+        let with = |(half, &face): (&Arc<HalfSolved>, &u32)| {
+            let component = kernel.component(face);
+            let all: Vec<Vec<f64>> = kept.halves.iter().map(|idle| half.product_with(idle)).collect();
+            let of = |own: &Own, i: usize| if own.component == component { all[own.slot][i] } else { 0.0 };
+            (0..B).map(|i| own.iter().map(|own| of(own, i)).collect::<Vec<f64>>()).collect::<Vec<_>>()
+        };
+        let products = halves.par_iter().zip(faces).flat_map_iter(with).collect();
+        let entry = |a: &Own, b: &Own| {
+            if a.component == b.component { kept.squares[a.slot][b.slot][a.component] } else { 0.0 }
+        };
+        let square = own.iter().map(|a| own.iter().map(|b| entry(a, b)).collect()).collect();
+        Self { own, values, products, square, kept: Some((kernel, kept)) }
     }
 
     /// From `Cᵀ A⁻¹ C` to `(PC)ᵀ A⁻¹ PC`, where `P` takes the images of idle fields out of pulls.
     fn take_out(&self, scale: f64, moved: &mut DenseMatrix) {
-        if self.halves.is_empty() {
+        if self.own.is_empty() {
             return;
         }
         for (j, (value, product)) in self.values.iter().zip(&self.products).enumerate() {
@@ -434,11 +457,11 @@ impl<'a> IdleHalves<'a> {
         }
     }
 
-    fn take_out_of_half(&self, y: &[f64], half: &mut [f64]) {
-        for (k, idle) in self.halves.iter().enumerate() {
-            let share: f64 = self.values.iter().zip(y).map(|(values, y)| values[k] * y).sum();
-            add(half, idle, -share);
-        }
+    fn take_out_of_half<const B: usize>(&self, direct: &Direct<B>, y: &[f64], half: &mut [f64]) {
+        let Some((kernel, kept)) = self.kept else { return };
+        let share = |k: usize| self.values.iter().zip(y).map(|(values, y)| values[k] * y).sum::<f64>();
+        let shares: Vec<f64> = (0..self.own.len()).map(share).collect();
+        kernel.take_shares_out::<B>((&self.own, &shares), &kept.halves, direct.order(), half);
     }
 }
 

@@ -275,8 +275,9 @@ fn what_is_expected_of_factors_is_the_least_that_scans_take() {
             let (two, making) = (full.bytes_of_factors() + beside, full.bytes_of_making());
             let share = two as f64 / expected_bytes(kind, surface.faces());
             println!(
-                "{name} {kind:?}: {} faces, {two} bytes, {beside} of them beside, {making} more; {share}",
-                surface.faces()
+                "{name} {kind:?}: {} faces, {two} bytes, {beside} of them beside, {making} more, {:.1e} operations; {share}",
+                surface.faces(),
+                full.operations_of_making()
             );
             shares.push(share);
         }

@@ -6,7 +6,8 @@
 //!
 //! While a stroke is dragged most constraints stay as they are. The factor of those that stay is kept; what is new or has another weight is added by
 //! a system of its own size, `(W⁻¹ + R H⁻¹ Rᵀ) y = v − R H⁻¹ g`: with `v = 0` for soft constraints, whose pull is part of `g`. Hard constraints are
-//! always added in this way.
+//! always added in this way. A row has entries in few columns of the space, and what moves stays among few of them from one frame to the next, so that
+//! the columns of `H⁻¹` that were needed are kept beside the factor.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -31,6 +32,9 @@ const MOST_DIMENSIONS: usize = 3072;
 /// What fields of no energy resist with, as a share of what the constraints hold them with. Where these do not say how much of such a field there is,
 /// it is as little as possible.
 const IDLE: f64 = 1e-9;
+
+/// Columns of the inverse are kept up to this share of the dimension; constraints that need more take solves of their own.
+const MOST_COLUMNS: f64 = 0.25;
 
 /// What is kept for designs under many constraints, for one choice of weights.
 #[derive(Default)]
@@ -64,7 +68,12 @@ struct Held {
 struct Base {
     held: Vec<Held>,
     factor: DefiniteFactor,
+    /// Columns of its inverse.
+    columns: Mutex<HashMap<usize, Arc<Vec<f64>>>>,
 }
+
+/// The entries of the rows of a face, column by column.
+type FaceRows = Vec<(usize, [f64; 3])>;
 
 /// The model that designs take place in.
 #[derive(Clone, Copy)]
@@ -90,14 +99,13 @@ impl DesignModel {
     /// About the bytes that those factors take in the end.
     pub fn bytes_of_many(&self) -> u64 {
         let d = self.dimension() as u64;
-        // Two energies, and a factor for each design that is kept.
-        8 * d * d * (2 + MOST_KEPT as u64)
+        // Two energies, and for each design that is kept a factor and columns of its inverse.
+        8 * d * d * (2 + MOST_KEPT as u64) + 2 * d * d * MOST_KEPT as u64
     }
 }
 
 impl Setting<'_> {
-    /// The entries of the rows of a face, column by column.
-    fn row(&self, face: u32) -> Vec<(usize, [f64; 3])> {
+    fn row(&self, face: u32) -> FaceRows {
         let mut entries = Vec::new();
         self.basis.space.row_entries(face as usize, |column, u| {
             let mut own = [0.0; 3];
@@ -193,7 +201,7 @@ impl Setting<'_> {
             }
         }
         match DefiniteFactor::new(matrix) {
-            Ok(factor) => Ok(Some(Base { held, factor })),
+            Ok(factor) => Ok(Some(Base { held, factor, columns: Mutex::default() })),
             Err(DefiniteError::NotPositiveDefinite { .. }) => Ok(None),
             Err(other) => Err(DesignError::Factor(other)),
         }
@@ -230,42 +238,13 @@ impl Many {
         // What the factor does not hold yet. Its pull is among the others already, so it is held to zero here.
         let added: Vec<Held> = held.iter().filter(|own| !base.held.contains_face(own)).copied().collect();
         let faces: Vec<u32> = added.iter().map(|held| held.face).chain(hard.iter().map(|c| c.face)).collect();
-        let (d, k) = (setting.model.dimension(), b * faces.len());
-        // `L⁻¹` of the rows, and of the pull.
-        let mut halves = DenseMatrix::zeros(d, k + 1);
-        for (at, &face) in faces.iter().enumerate() {
-            for (column, u) in setting.row(face) {
-                (0..b).for_each(|i| halves.column_mut(b * at + i)[column] += u[i]);
-            }
-        }
-        halves.column_mut(k).copy_from_slice(&pulls);
-        base.factor.solve_lower(&mut halves).map_err(DesignError::Factor)?;
-        let mut field = DenseMatrix::zeros(d, 1);
-        field.column_mut(0).copy_from_slice(halves.column(k));
-        if k > 0 {
-            let rows = halves.slice_columns(0..k);
-            let mut system = rows.transposed_times(&rows);
-            let mean = (0..k).map(|i| system.column(i)[i]).sum::<f64>() / k as f64;
-            let mut missing = DenseMatrix::zeros(k, 1);
-            for i in 0..k {
-                let (slack, value) = match added.get(i / b) {
-                    Some(held) => (1.0 / held.weight, 0.0),
-                    None => (HARD * mean, hard[i / b - added.len()].value[i % b]),
-                };
-                system.column_mut(i)[i] += slack;
-                let reached: f64 = rows.column(i).iter().zip(halves.column(k)).map(|(r, g)| r * g).sum();
-                missing.column_mut(0)[i] = value - reached;
-            }
-            solve_definite(system, &mut missing).map_err(|error| match error {
-                DefiniteError::NotPositiveDefinite { pivot } => DesignError::Dependent { face: faces[pivot / b] },
-                other => DesignError::Factor(other),
-            })?;
-            for (i, &y) in missing.column(0).iter().enumerate() {
-                field.column_mut(0).iter_mut().zip(rows.column(i)).for_each(|(z, r)| *z += y * r);
-            }
-        }
-        base.factor.solve_upper(&mut field).map_err(DesignError::Factor)?;
-        Ok(Some(field.column(0).to_vec()))
+        let rows: Vec<FaceRows> = faces.iter().map(|&face| setting.row(face)).collect();
+        let more = More { faces, rows, added, hard, b, d: setting.model.dimension() };
+        let found = match base.columns(&more)? {
+            Some(columns) => more.by_columns(&base, &columns, &pulls)?,
+            None => more.by_halves(&base, &pulls)?,
+        };
+        Ok(Some(found))
     }
 
     /// The weights of soft constraints, in the order of the constraints.
@@ -297,7 +276,7 @@ impl Many {
             Hold::Weight(weight) => Some(weight),
             Hold::Exact => None,
         };
-        constraints.iter().zip(&moved).map(weight).collect()
+        constraints.par_iter().zip(&moved).map(weight).collect()
     }
 
     /// A factor that holds most of some constraints, and nothing else: one that is kept, or one of what has stayed since the design before.
@@ -340,6 +319,141 @@ impl Many {
         kept.truncate(MOST_KEPT);
         Ok(Some(base))
     }
+}
+
+/// What is met on top of a factor.
+struct More<'a> {
+    faces: Vec<u32>,
+    rows: Vec<FaceRows>,
+    /// Soft constraints, first among the faces.
+    added: Vec<Held>,
+    hard: Vec<&'a Constraint>,
+    b: usize,
+    d: usize,
+}
+
+impl More<'_> {
+    /// The pulls at all numbers, where unit pulls move them by `moved`, and where they are `reached` without.
+    fn pulls(&self, mut moved: DenseMatrix, reached: impl Fn(usize) -> f64) -> Result<Vec<f64>, DesignError> {
+        let (b, k) = (self.b, moved.columns());
+        let mean = (0..k).map(|i| moved.column(i)[i]).sum::<f64>() / k.max(1) as f64;
+        let mut missing = DenseMatrix::zeros(k, 1);
+        for i in 0..k {
+            let (slack, value) = match self.added.get(i / b) {
+                Some(held) => (1.0 / held.weight, 0.0),
+                None => (HARD * mean, self.hard[i / b - self.added.len()].value[i % b]),
+            };
+            moved.column_mut(i)[i] += slack;
+            missing.column_mut(0)[i] = value - reached(i);
+        }
+        solve_definite(moved, &mut missing).map_err(|error| match error {
+            DefiniteError::NotPositiveDefinite { pivot } => DesignError::Dependent { face: self.faces[pivot / b] },
+            other => DesignError::Factor(other),
+        })?;
+        Ok(missing.column(0).to_vec())
+    }
+
+    /// By half of the solve for each number.
+    fn by_halves(&self, base: &Base, pulls: &[f64]) -> Result<Vec<f64>, DesignError> {
+        let (b, d, k) = (self.b, self.d, self.b * self.faces.len());
+        // `L⁻¹` of the rows, and of the pull.
+        let mut halves = DenseMatrix::zeros(d, k + 1);
+        for (at, row) in self.rows.iter().enumerate() {
+            for (column, u) in row {
+                (0..b).for_each(|i| halves.column_mut(b * at + i)[*column] += u[i]);
+            }
+        }
+        halves.column_mut(k).copy_from_slice(pulls);
+        base.factor.solve_lower(&mut halves).map_err(DesignError::Factor)?;
+        let mut field = DenseMatrix::zeros(d, 1);
+        field.column_mut(0).copy_from_slice(halves.column(k));
+        if k > 0 {
+            let rows = halves.slice_columns(0..k);
+            let reached = |i: usize| rows.column(i).iter().zip(halves.column(k)).map(|(r, g)| r * g).sum();
+            for (i, y) in self.pulls(rows.transposed_times(&rows), reached)?.into_iter().enumerate() {
+                field.column_mut(0).iter_mut().zip(rows.column(i)).for_each(|(z, r)| *z += y * r);
+            }
+        }
+        base.factor.solve_upper(&mut field).map_err(DesignError::Factor)?;
+        Ok(field.column(0).to_vec())
+    }
+
+    /// By columns of the inverse that are known.
+    fn by_columns(
+        &self,
+        base: &Base,
+        columns: &HashMap<usize, Arc<Vec<f64>>>,
+        pulls: &[f64],
+    ) -> Result<Vec<f64>, DesignError> {
+        let (b, k) = (self.b, self.b * self.faces.len());
+        let mut solved = DenseMatrix::zeros(self.d, 1);
+        solved.column_mut(0).copy_from_slice(pulls);
+        base.factor.solve(&mut solved).map_err(DesignError::Factor)?;
+        let mut field = solved.column(0).to_vec();
+        if k == 0 {
+            return Ok(field);
+        }
+        let moved_by = |i: usize| {
+            let mut sum = vec![0.0; self.d];
+            for (column, u) in &self.rows[i / b] {
+                sum.iter_mut().zip(columns[column].iter()).for_each(|(sum, x)| *sum += u[i % b] * x);
+            }
+            sum
+        };
+        let moved: Vec<Vec<f64>> = (0..k).into_par_iter().map(moved_by).collect();
+        let mut system = DenseMatrix::zeros(k, k);
+        for (j, moved) in moved.iter().enumerate() {
+            for i in 0..=j {
+                let own = along(&self.rows[i / b], i % b, moved);
+                (system.column_mut(j)[i], system.column_mut(i)[j]) = (own, own);
+            }
+        }
+        let y = self.pulls(system, |i| along(&self.rows[i / b], i % b, &field))?;
+        for (y, moved) in y.into_iter().zip(&moved) {
+            field.iter_mut().zip(moved).for_each(|(z, m)| *z += y * m);
+        }
+        Ok(field)
+    }
+}
+
+impl Base {
+    /// The columns of `H⁻¹` that some rows take, which are kept; `None` where there are too many.
+    fn columns(&self, more: &More<'_>) -> Result<Option<HashMap<usize, Arc<Vec<f64>>>>, DesignError> {
+        let mut wanted: Vec<usize> = more.rows.iter().flatten().map(|entry| entry.0).collect();
+        wanted.sort_unstable();
+        wanted.dedup();
+        let most = (MOST_COLUMNS * more.d as f64) as usize;
+        if wanted.len() > most {
+            return Ok(None);
+        }
+        let lock = || self.columns.lock().unwrap_or_else(PoisonError::into_inner);
+        // Taken along now: whoever else designs may clear what is kept before the others are made.
+        let mut found: HashMap<usize, Arc<Vec<f64>>> = {
+            let kept = lock();
+            wanted.iter().filter_map(|column| Some((*column, kept.get(column)?.clone()))).collect()
+        };
+        wanted.retain(|column| !found.contains_key(column));
+        if wanted.is_empty() {
+            return Ok(Some(found));
+        }
+        let mut made = DenseMatrix::zeros(more.d, wanted.len());
+        wanted.iter().enumerate().for_each(|(at, &column)| made.column_mut(at)[column] = 1.0);
+        self.factor.solve(&mut made).map_err(DesignError::Factor)?;
+        let of = |(at, &column): (usize, &usize)| (column, Arc::new(made.column(at).to_vec()));
+        let made: Vec<(usize, Arc<Vec<f64>>)> = wanted.iter().enumerate().map(of).collect();
+        let mut kept = lock();
+        if kept.len() + made.len() > most {
+            kept.clear();
+        }
+        kept.extend(made.iter().cloned());
+        found.extend(made);
+        Ok(Some(found))
+    }
+}
+
+/// What a field of the space has as number `i` of a face.
+fn along(row: &[(usize, [f64; 3])], i: usize, field: &[f64]) -> f64 {
+    row.iter().map(|(column, u)| u[i] * field[*column]).sum()
 }
 
 /// Lists of faces in ascending order.

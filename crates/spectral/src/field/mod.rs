@@ -5,6 +5,7 @@ mod alignment;
 mod basis;
 mod compliance;
 mod constraints;
+mod cover;
 mod cycle;
 mod decomposition;
 mod design;
@@ -15,6 +16,9 @@ mod harmonic;
 mod heat;
 mod hierarchy;
 mod idle;
+mod kernel;
+#[cfg(test)]
+mod kernel_tests;
 mod least;
 #[cfg(test)]
 mod least_tests;
@@ -27,6 +31,7 @@ mod one_sided_tests;
 #[cfg(test)]
 mod patch_tests;
 mod pencil;
+mod pencil_inverse;
 mod poisson;
 mod prescribed;
 mod principal;

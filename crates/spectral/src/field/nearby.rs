@@ -9,7 +9,8 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
 use chladni_algebra::{FactorError, PANEL_WIDTH, SparseMatrix};
 
-use super::pencil::{Pencil, SparseInverse, Sum};
+use super::pencil::{Pencil, Sum};
+use super::pencil_inverse::SparseInverse;
 
 /// How far the weight of an alignment may be from that of the factor, either way: at three, a step leaves a quarter of the error.
 const FARTHEST: f64 = 3.0;

@@ -3,15 +3,17 @@
 //!
 //! `K = A + μ S̄ M̄⁻¹ S̄` is never formed: its second part is dense. With `y = √μ M̄⁻¹ S̄ x` the system `K x = f` becomes
 //! `[A, √μ S̄; √μ S̄, −M̄] (x, y) = (f, 0)`, which is sparse, and quasi-definite if `A` is definite: `LDLᵀ` exists in every order (Vanderbei 1995).
+//!
+//! Where nothing has weights per face, `K` is a product of second order, `μ (S̄ + αM̄) M̄⁻¹ (S̄ + βM̄)`, and its inverse the difference of two inverses:
+//! both factors together have half of the entries of that of the system.
 
 use std::sync::{Arc, OnceLock};
 
 use chladni_algebra::{
-    ColumnTree, FactorError, FactorNumbers, HalfSolved, MassMatrix, Ordering, PANEL_WIDTH, ReachTree, Sides,
-    SparseMatrix, SymbolicFactor, fill_reducing_order,
+    ColumnTree, FactorError, MassMatrix, Ordering, ReachTree, SparseMatrix, SymbolicFactor, fill_reducing_order,
 };
-use rayon::prelude::*;
 
+use super::pencil_inverse::{Factored, SparseInverse, Split};
 use crate::basis::FieldBasis;
 
 /// What is added to make `A` definite, as a weight of `M̄`: far below the lowest positive eigenvalue of a surface of unit area.
@@ -53,22 +55,26 @@ pub(super) struct Pencil {
     pub mass: SparseMatrix,
     pub full_biharmonic: Option<SparseMatrix>,
     structure: OnceLock<Result<Arc<Structure>, FactorError>>,
+    /// That of `S̄ + γM̄` alone.
+    second_order: OnceLock<Result<Arc<Structure>, FactorError>>,
 }
 
 /// The order of the unknowns and the pattern that every sum of the matrices lies in.
 #[derive(Debug)]
-struct Structure {
+pub(super) struct Structure {
+    /// Unknowns of the system for each column: `x` and `y`, or `x` alone.
+    copies: usize,
     /// Where the unknowns of each node begin in the system.
     places: Vec<u32>,
     /// The nodes in their order, with the neighbours of each, itself included, in that order.
     nodes: Vec<(u32, Vec<u32>)>,
     offsets: Vec<usize>,
     indices: Vec<u32>,
-    symbolic: SymbolicFactor,
+    pub symbolic: SymbolicFactor,
     /// How a single right-hand side is shared out among threads.
-    tree: ColumnTree,
+    pub tree: ColumnTree,
     /// What right-hand sides of a few entries reach.
-    reach: ReachTree,
+    pub reach: ReachTree,
 }
 
 impl PartialEq for Pencil {
@@ -91,7 +97,8 @@ impl Pencil {
     pub fn new(basis: &FieldBasis) -> Self {
         let (block, groups) = (basis.space.block(), basis.space.groups());
         let (stiffness, mass) = (basis.stiffness.clone(), basis.mass.clone());
-        Self { block, groups, stiffness, mass, full_biharmonic: None, structure: OnceLock::new() }
+        let [structure, second_order] = [OnceLock::new(), OnceLock::new()];
+        Self { block, groups, stiffness, mass, full_biharmonic: None, structure, second_order }
     }
 
     /// The same with a biharmonic energy of its own.
@@ -117,16 +124,16 @@ impl Pencil {
         column..column + 1
     }
 
-    /// Unknowns of the system for each column: `x` and `y`, or `x` alone.
-    fn copies(&self) -> usize {
-        if self.full_biharmonic.is_some() { 1 } else { 2 }
-    }
-
     fn structure(&self) -> Result<Arc<Structure>, FactorError> {
-        self.structure.get_or_init(|| self.analyse().map(Arc::new)).clone()
+        let copies = if self.full_biharmonic.is_some() { 1 } else { 2 };
+        self.structure.get_or_init(|| self.analyse(copies).map(Arc::new)).clone()
     }
 
-    fn analyse(&self) -> Result<Structure, FactorError> {
+    fn second_order(&self) -> Result<Arc<Structure>, FactorError> {
+        self.second_order.get_or_init(|| self.analyse(1).map(Arc::new)).clone()
+    }
+
+    fn analyse(&self, copies: usize) -> Result<Structure, FactorError> {
         let nodes = self.node(self.size());
         let matrices = [Some(&self.stiffness), Some(&self.mass), self.full_biharmonic.as_ref()];
         let (mut offsets, mut indices, mut row) = (vec![0usize], Vec::new(), Vec::new());
@@ -153,7 +160,7 @@ impl Pencil {
         for (at, &node) in order.iter().enumerate() {
             position[node as usize] = at as u32;
             places[node as usize] = next;
-            next += (self.copies() * self.columns(node as usize).len()) as u32;
+            next += (copies * self.columns(node as usize).len()) as u32;
         }
         let ordered: Vec<(u32, Vec<u32>)> = order
             .iter()
@@ -165,10 +172,10 @@ impl Pencil {
             .collect();
         let (mut offsets, mut indices) = (vec![0usize], Vec::new());
         for (node, neighbours) in &ordered {
-            for _ in 0..self.copies() * self.columns(*node as usize).len() {
+            for _ in 0..copies * self.columns(*node as usize).len() {
                 for &other in neighbours {
                     let place = places[other as usize];
-                    indices.extend(place..place + (self.copies() * self.columns(other as usize).len()) as u32);
+                    indices.extend(place..place + (copies * self.columns(other as usize).len()) as u32);
                 }
                 offsets.push(indices.len());
             }
@@ -179,22 +186,22 @@ impl Pencil {
         let symbolic = SymbolicFactor::new(&pattern, &MassMatrix::Diagonal(vec![0.0; size]))?;
         within_surfaces(symbolic.entries(), pattern.values().len(), nodes)?;
         let (tree, reach) = (ColumnTree::new(&symbolic), ReachTree::new(&symbolic));
-        Ok(Structure { places, nodes: ordered, offsets, indices, symbolic, tree, reach })
+        Ok(Structure { copies, places, nodes: ordered, offsets, indices, symbolic, tree, reach })
     }
 
-    /// The system for some weights. Matrices of `sum` that reach beyond the pattern of the pencil lose what lies outside.
+    /// The system for some weights, or the part of it that is of second order. Matrices of `sum` that reach beyond the pattern of the pencil lose what
+    /// lies outside.
     fn assemble(&self, structure: &Structure, sum: &Sum<'_>) -> SparseMatrix {
         let size = structure.offsets.len() - 1;
         let mut values = vec![0.0; structure.indices.len()];
         let root = sum.biharmonic.sqrt();
-        let floor = floor(sum.harmonic, sum.biharmonic);
         let mut slots = vec![u32::MAX; self.node(self.size())];
         for (node, neighbours) in &structure.nodes {
             let own = self.columns(*node as usize);
             let mut slot = 0;
             for &other in neighbours {
                 slots[other as usize] = slot;
-                slot += (self.copies() * self.columns(other as usize).len()) as u32;
+                slot += (structure.copies * self.columns(other as usize).len()) as u32;
             }
             for (i, column) in own.clone().enumerate() {
                 let first = structure.places[*node as usize] as usize + i;
@@ -211,12 +218,13 @@ impl Pencil {
                     }
                 };
                 add((0, 0), &self.stiffness, sum.harmonic);
-                add((0, 0), &self.mass, sum.uniform + floor);
+                add((0, 0), &self.mass, sum.uniform);
                 for &(gram, weight) in &sum.grams {
                     add((0, 0), gram, weight);
                 }
                 match &self.full_biharmonic {
                     Some(full) => add((0, 0), full, sum.biharmonic),
+                    None if structure.copies == 1 => {}
                     None => {
                         add((0, 1), &self.stiffness, root);
                         add((1, 0), &self.stiffness, root);
@@ -231,114 +239,34 @@ impl Pencil {
 
     /// Factors the system for some weights.
     pub fn factor(&self, sum: &Sum<'_>) -> Result<SparseInverse, FactorError> {
+        let uniform = sum.uniform + floor(sum.harmonic, sum.biharmonic);
+        let sum = Sum { uniform, grams: sum.grams.clone(), ..*sum };
+        if let Some(split) = Split::of(&sum).filter(|_| self.full_biharmonic.is_none()) {
+            let structure = self.second_order()?;
+            let shifted = |gamma: f64| {
+                let sum = Sum { harmonic: 1.0, biharmonic: 0.0, uniform: gamma, grams: Vec::new() };
+                self.factored(&structure, &sum)
+            };
+            return Ok(SparseInverse::difference(shifted(split.small)?, shifted(split.large)?, split));
+        }
         let structure = self.structure()?;
-        let matrix = self.assemble(&structure, sum);
+        Ok(SparseInverse::new(self.factored(&structure, &sum)?))
+    }
+
+    fn factored(&self, structure: &Arc<Structure>, sum: &Sum<'_>) -> Result<Factored, FactorError> {
+        let matrix = self.assemble(structure, sum);
         let factor = structure.symbolic.factor(&matrix, &MassMatrix::Diagonal(vec![0.0; matrix.rows()]), 0.0)?;
+        let both = structure.copies == 2;
         let place = |column: usize| {
             let node = self.node(column);
             let own = self.columns(node);
             let x = structure.places[node] + (column - own.start) as u32;
-            (x, if self.copies() == 2 { x + own.len() as u32 } else { u32::MAX })
+            (x, if both { x + own.len() as u32 } else { u32::MAX })
         };
-        let root = if self.copies() == 2 { sum.biharmonic.sqrt() } else { 0.0 };
+        let root = if both { sum.biharmonic.sqrt() } else { 0.0 };
         let numbers = factor.into_numbers();
         let places = (0..self.size()).map(place).collect();
-        Ok(SparseInverse { structure: structure.clone(), numbers, rows: matrix.rows(), places, root })
-    }
-}
-
-/// `K⁻¹`.
-pub(super) struct SparseInverse {
-    structure: Arc<Structure>,
-    numbers: FactorNumbers,
-    rows: usize,
-    /// Where `x` and `y` of each column are in the system; `u32::MAX` where there is no `y`.
-    places: Vec<(u32, u32)>,
-    root: f64,
-}
-
-impl SparseInverse {
-    /// `d`.
-    pub fn size(&self) -> usize {
-        self.places.len()
-    }
-
-    /// About the bytes that the factor takes.
-    pub fn bytes(&self) -> u64 {
-        8 * self.structure.symbolic.entries() as u64 + 16 * self.places.len() as u64
-    }
-
-    /// `X ← K⁻¹ X` for `d × k` numbers, column after column.
-    pub fn apply(&self, vectors: &mut [f64]) {
-        let d = self.places.len();
-        if vectors.len() == d {
-            let mut x = vec![0.0; self.rows];
-            vectors.iter().zip(&self.places).for_each(|(&value, &(at, _))| x[at as usize] = value);
-            self.structure.tree.solve(&self.structure.symbolic, &self.numbers, &mut x);
-            vectors.iter_mut().zip(&self.places).for_each(|(value, &(at, _))| *value = x[at as usize]);
-            return;
-        }
-        vectors.par_chunks_mut(d.max(1) * PANEL_WIDTH).for_each(|columns| {
-            let mut panel = vec![0.0; self.rows * PANEL_WIDTH];
-            for (k, column) in columns.chunks_exact(d).enumerate() {
-                for (&value, &(x, _)) in column.iter().zip(&self.places) {
-                    panel[x as usize * PANEL_WIDTH + k] = value;
-                }
-            }
-            self.structure.symbolic.solve_panel(&self.numbers, &mut panel);
-            for (k, column) in columns.chunks_exact_mut(d).enumerate() {
-                for (value, &(x, _)) in column.iter_mut().zip(&self.places) {
-                    *value = panel[x as usize * PANEL_WIDTH + k];
-                }
-            }
-        });
-    }
-
-    /// Halves of the solves for right-hand sides of a few entries, whose rows are columns of the space.
-    pub fn halves(&self, mut sides: Vec<Sides>) -> Vec<HalfSolved> {
-        for (row, _, _) in sides.iter_mut().flat_map(|side| &mut side.entries) {
-            *row = self.places[*row as usize].0;
-        }
-        self.structure.reach.eliminate(&self.structure.symbolic, &self.numbers, &sides)
-    }
-
-    /// Half of the solve for `f`, `d` numbers, in the order of elimination.
-    pub fn eliminated(&self, f: &[f64]) -> Vec<f64> {
-        let mut x = self.no_half();
-        f.iter().zip(&self.places).for_each(|(&value, &(at, _))| x[at as usize] = value);
-        self.structure.tree.eliminate(&self.structure.symbolic, &self.numbers, &mut x);
-        x
-    }
-
-    /// Half of the solve for nothing.
-    pub fn no_half(&self) -> Vec<f64> {
-        vec![0.0; self.rows]
-    }
-
-    /// The other half: `x = K⁻¹ f`, and `M̄⁻¹ S̄ x` where the system holds it.
-    pub fn substituted(&self, mut half: Vec<f64>) -> (Vec<f64>, Option<Vec<f64>>) {
-        self.structure.tree.substitute(&self.structure.symbolic, &self.numbers, &mut half);
-        let x = self.places.iter().map(|&(at, _)| half[at as usize]).collect();
-        let laplacian = || self.places.iter().map(|&(_, at)| half[at as usize] / self.root).collect();
-        (x, (self.root > 0.0).then(laplacian))
-    }
-
-    /// `M̄⁻¹ S̄ x` for `x = K⁻¹ f`, whose `S̄ x` is `image`; `None` for a full biharmonic energy, whose system does not hold it.
-    pub fn laplacian(&self, f: &[f64], image: &[f64]) -> Option<Vec<f64>> {
-        let mut both = vec![0.0; self.rows];
-        for (at, &(x, y)) in self.places.iter().enumerate() {
-            if y == u32::MAX {
-                return None;
-            }
-            if self.root > 0.0 {
-                both[x as usize] = f[at];
-            } else {
-                both[y as usize] = -image[at];
-            }
-        }
-        self.structure.tree.solve(&self.structure.symbolic, &self.numbers, &mut both);
-        let scale = if self.root > 0.0 { 1.0 / self.root } else { 1.0 };
-        Some(self.places.iter().map(|&(_, y)| scale * both[y as usize]).collect())
+        Ok(Factored { structure: structure.clone(), numbers, rows: matrix.rows(), places, root })
     }
 }
 
@@ -348,6 +276,7 @@ mod tests {
     use crate::field::{FieldParameters, FieldSurface, field_basis, whole_space};
     use crate::operator::hodge::FieldBoundary;
     use crate::operator::transport::FieldKind;
+    use chladni_algebra::{DenseMatrix, Sides, solve_definite};
     use chladni_base::{SplitMix64, Unwatched};
     use chladni_mesh::shape::{Shape, generate};
 
@@ -367,6 +296,86 @@ mod tests {
             assert!(found < FILL / 3.0, "{kind:?}, all fields: {found}");
             let small = fill(&field_basis(&surface, &FieldParameters::new(kind, 400), &Unwatched).unwrap());
             assert!(small < FILL / 3.0, "{kind:?}, 400 dimensions: {small}");
+        }
+    }
+
+    /// `K⁻¹ f` and `M̄⁻¹ S̄ K⁻¹ f` by dense factors.
+    fn densely(pencil: &Pencil, sum: &Sum<'_>, f: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let d = pencil.size();
+        let mut curved = pencil.stiffness.to_dense();
+        solve_definite(pencil.mass.to_dense(), &mut curved).unwrap();
+        let bending = pencil.stiffness.multiply_dense(&curved);
+        let (stiffness, mass) = (pencil.stiffness.to_dense(), pencil.mass.to_dense());
+        let held = sum.uniform + floor(sum.harmonic, sum.biharmonic);
+        let mut matrix = bending.clone();
+        for ((k, s), m) in matrix.values_mut().iter_mut().zip(stiffness.values()).zip(mass.values()) {
+            *k = sum.biharmonic * *k + sum.harmonic * s + held * m;
+        }
+        let mut x = DenseMatrix::zeros(d, 1);
+        x.column_mut(0).copy_from_slice(f);
+        solve_definite(matrix, &mut x).unwrap();
+        let mut y = DenseMatrix::zeros(d, 1);
+        y.column_mut(0).copy_from_slice(&pencil.stiffness.multiply(x.column(0)));
+        solve_definite(mass, &mut y).unwrap();
+        (x.column(0).to_vec(), y.column(0).to_vec())
+    }
+
+    #[test]
+    fn the_difference_of_two_inverses_is_the_inverse_whole_and_by_halves() {
+        let surface = FieldSurface::new(generate(Shape::Sphere, 642).unwrap()).unwrap();
+        for (kind, d) in [(FieldKind::NVector { n: 4 }, 120), (FieldKind::Tensor {}, 90)] {
+            let basis = field_basis(&surface, &FieldParameters::new(kind, d), &Unwatched).unwrap();
+            let pencil = Pencil::new(&basis);
+            let mut random = SplitMix64::new(5);
+            let f: Vec<f64> = (0..d).map(|_| random.signed_unit()).collect();
+            let held = if kind == (FieldKind::Tensor {}) { 1.0 } else { 0.0 };
+            // The last have no roots that are apart: one factor of the whole system serves them.
+            let cases =
+                [(1.0, 0.05, held, true), (3.0, 1e-4, held, true), (1.0, 0.05, 40.0, false), (0.1, 1.0, 1.0, false)];
+            for (harmonic, biharmonic, uniform, split) in cases {
+                let sum = Sum { harmonic, biharmonic, uniform, grams: Vec::new() };
+                let inverse = pencil.factor(&sum).unwrap();
+                assert_eq!(inverse.is_difference(), split);
+                let (x, y) = densely(&pencil, &sum, &f);
+                let off = |a: &[f64], b: &[f64]| {
+                    let norm = |x: &mut dyn Iterator<Item = f64>| x.map(|x| x * x).sum::<f64>().sqrt();
+                    norm(&mut a.iter().zip(b).map(|(a, b)| a - b)) / norm(&mut b.iter().copied())
+                };
+                let mut own = f.clone();
+                inverse.apply(&mut own);
+                assert!(off(&own, &x) < 1e-8, "{kind:?} {harmonic} {biharmonic}: {}", off(&own, &x));
+                let mut several = [f.clone(), vec![1.0; d], f.clone()].concat();
+                inverse.apply(&mut several);
+                assert!(off(&several[..d], &x) < 1e-8 && off(&several[2 * d..], &x) < 1e-8);
+                let curved = inverse.laplacian(&f, &pencil.stiffness.multiply(&own)).unwrap();
+                assert!(off(&curved, &y) < 1e-6, "{kind:?} {harmonic} {biharmonic}: {}", off(&curved, &y));
+                let (whole, curved) = inverse.substituted(inverse.eliminated(&f));
+                assert!(off(&whole, &x) < 1e-8 && off(&curved.unwrap(), &y) < 1e-6);
+                // What a pull at a face moves there, and everywhere.
+                let b = kind.block();
+                let side = |face: u32| {
+                    let entries = (0..b as u32).map(|i| (face * b as u32 + i, i, 1.0)).collect();
+                    Sides { width: b, entries }
+                };
+                let halves = inverse.halves_of_faces(&[3, 7, 3], side);
+                let again = inverse.halves_of_faces(&[7], |_| unreachable!("it is kept"));
+                let mut unit = vec![0.0; d];
+                unit[7 * b] = 1.0;
+                let (moved, _) = densely(&pencil, &sum, &unit);
+                for (at, face) in [3, 7, 3].into_iter().enumerate() {
+                    let product = again[0].product(&halves[at]);
+                    assert!((0..b).all(|j| (product[j] - moved[face * b + j]).abs() < 1e-8 * moved[7 * b]));
+                }
+                let mut half = inverse.no_half();
+                let mut pull = vec![0.0; b];
+                pull[0] = 1.0;
+                halves[1].add_to(&pull, &mut half);
+                assert!(off(&inverse.substituted(half.clone()).0, &moved) < 1e-8);
+                half.add(&inverse.eliminated(&unit), -1.0);
+                assert!(inverse.substituted(half).0.iter().all(|x| x.abs() < 1e-9 * moved[7 * b]));
+                let with = again[0].product_with(&inverse.eliminated(&f))[0];
+                assert!((with - x[7 * b]).abs() < 1e-8 * x[7 * b].abs().max(1e-3));
+            }
         }
     }
 
@@ -391,7 +400,8 @@ mod tests {
         let matrix = SparseMatrix::from_sorted_parts(n as usize, n as usize, offsets, indices, values);
         let (stiffness, mass) = (matrix.clone(), matrix);
         let (block, groups) = (2, n as usize / 2);
-        let pencil = Pencil { block, groups, stiffness, mass, full_biharmonic: None, structure: OnceLock::new() };
+        let [structure, second_order] = [OnceLock::new(), OnceLock::new()];
+        let pencil = Pencil { block, groups, stiffness, mass, full_biharmonic: None, structure, second_order };
         let refused = pencil.structure().unwrap_err();
         assert!(matches!(refused, FactorError::Promise { bytes, promised, .. } if bytes > promised), "{refused}");
     }

@@ -17,7 +17,8 @@ use super::design::{Constraint, Design, DesignError, length};
 use super::direct::{Direct, USUAL_ROOM};
 use super::hierarchy::hierarchy;
 use super::idle::dot as small_dot;
-use super::refine_response::{Response, Sum, Whole, add, dot};
+use super::kernel::{Kernel, Own};
+use super::refine_response::{Response, Whole, add, dot};
 use super::weighted::WeightedModel;
 use crate::basis::FieldBasis;
 use crate::operator::OperatorError;
@@ -182,8 +183,8 @@ impl FullSpace {
     #[cfg(test)]
     pub(super) fn idle(&self) -> usize {
         match &self.inner {
-            Inner::Two(whole) => whole.kernel.get().map_or(0, Vec::len),
-            Inner::Three(whole) => whole.kernel.get().map_or(0, Vec::len),
+            Inner::Two(whole) => whole.kernel.get().map_or(0, Kernel::len),
+            Inner::Three(whole) => whole.kernel.get().map_or(0, Kernel::len),
         }
     }
 
@@ -219,7 +220,8 @@ impl FullSpace {
     }
 
     /// The field of least energy among all fields under the constraints of a design of the same model: constraints and alignments have the weights
-    /// that the design has given them, and both biharmonic energies are `uᵀ S M⁻¹ S u`.
+    /// that the design has given them, but for strengths: where there are factors, these are measured by what all fields resist with,
+    /// and both biharmonic energies are `uᵀ S M⁻¹ S u`.
     ///
     /// `tolerance` is relative: 1e-8 leaves about that share of the field.
     ///
@@ -317,7 +319,7 @@ impl<const B: usize> Whole<B> {
     }
 
     fn bytes(&self) -> u64 {
-        let known = self.kernel.get().map_or(EXPECTED_IDLE, Vec::len).max(EXPECTED_IDLE);
+        let known = self.kernel.get().map_or(EXPECTED_IDLE, Kernel::slots).max(EXPECTED_IDLE);
         bytes_beside(&self.stiffness, known)
             + self.cycles.as_ref().map_or(0, Cycles::bytes)
             + self.direct.as_ref().map_or(0, Direct::bytes)
@@ -332,10 +334,11 @@ impl<const B: usize> Whole<B> {
         tolerance: f64,
         monitor: &dyn Monitor,
     ) -> Result<Refined, RefineError> {
-        let compliance = weighted.compliance(basis, constraints)?;
+        let mut compliance = weighted.compliance(basis, constraints)?;
         let (sum, force) = weighted.whole_sum(B * self.mass.len());
         let kernel = self.kernel(&sum, weighted, basis, monitor)?;
         let response = Response::new(self, sum, kernel)?;
+        compliance.measure(B, |faces| self.yields(&response, faces, monitor))?;
         let mut solve = Pulls::new(self, &response, compliance, force, tolerance, monitor)?;
         match solve.run() {
             // Whichever solve it was, what was asked for was not reached.
@@ -345,8 +348,8 @@ impl<const B: usize> Whole<B> {
             Err(RefineError::NotConverged { .. }) => return Err(RefineError::NotConverged { tolerance }),
             other => other?,
         }
-        let (field, responses) = (solve.field, solve.responses);
-        self.told(weighted, basis, constraints, Some(design.coefficients.clone()), field, responses)
+        let coefficients = Some(design.coefficients.clone());
+        self.told(weighted, basis, constraints, coefficients, solve.field, solve.responses)
     }
 
     /// What there is to say of a field beside coefficients of the reduced space.
@@ -391,31 +394,6 @@ impl<const B: usize> Whole<B> {
         let norm = |x: &[f64]| self.product(x, x).sqrt();
         Ok(norm(&off) / norm(field).max(f64::MIN_POSITIVE))
     }
-
-    /// The fields without energy that the reduced space knows about, exactly; none where the sum holds them.
-    fn kernel(
-        &self,
-        sum: &Sum,
-        weighted: &WeightedModel,
-        basis: &FieldBasis,
-        monitor: &dyn Monitor,
-    ) -> Result<&[Vec<f64>], RefineError> {
-        if self.mean_weight(sum) > 0.0 {
-            return Ok(&[]);
-        }
-        if let Some(known) = self.kernel.get() {
-            return Ok(known);
-        }
-        if let Some(direct) = &self.direct {
-            let factor = direct.factor(&self.stiffness, &self.mass, 0.0).map_err(DesignError::Sparse)?;
-            if let Some(found) = self.idle(direct, &factor, monitor)? {
-                return Ok(found);
-            }
-        }
-        let Some(about) = weighted.idle_fields(basis) else { return Ok(&[]) };
-        let exact = self.polished(about, monitor)?;
-        Ok(self.kernel.get_or_init(|| exact))
-    }
 }
 
 /// Conjugate gradients on the pulls.
@@ -423,7 +401,8 @@ struct Pulls<'a, const B: usize> {
     response: &'a Response<'a, B>,
     compliance: Compliance,
     precondition: DefiniteFactor,
-    /// What of the kernel the constraints hold.
+    /// The fields without energy on the components with constraints, and what of them these hold.
+    loose: Vec<Own>,
     idle: Vec<Idle>,
     force: Option<Vec<f64>>,
     tolerance: f64,
@@ -518,11 +497,12 @@ impl<'a, const B: usize> Pulls<'a, B> {
         }
         let precondition = factored(matrix, &compliance.faces, B)?;
         let k = compliance.slacks.len();
-        let kernel = response.kernel();
-        let at_faces: Vec<Vec<f64>> = kernel.iter().map(|field| at_faces::<B>(&compliance.faces, field)).collect();
+        let loose = response.kernel().map_or_else(Vec::new, |kernel| kernel.at(&compliance.faces));
+        let at_faces =
+            response.kernel().map_or_else(Vec::new, |kernel| kernel.values_at::<B>(&loose, &compliance.faces));
         let idle = if k > 0 { held(&at_faces, &precondition)? } else { Vec::new() };
         let field = vec![0.0; B * whole.mass.len()];
-        Ok(Self { response, compliance, precondition, idle, force, tolerance, monitor, field, responses: 0 })
+        Ok(Self { response, compliance, precondition, loose, idle, force, tolerance, monitor, field, responses: 0 })
     }
 
     /// `K⁻¹ Cᵀ y`.
@@ -557,7 +537,7 @@ impl<'a, const B: usize> Pulls<'a, B> {
             return Ok(());
         }
         let product = small_dot;
-        let mut amounts = vec![0.0; self.response.kernel().len()];
+        let mut amounts = vec![0.0; self.loose.len()];
         let reached = at_faces::<B>(&self.compliance.faces, &self.field);
         let mut miss: Vec<f64> = self.compliance.values.iter().zip(&reached).map(|(v, u)| v - u).collect();
         let asked = product(&miss, &solved(&self.precondition, &miss)?);
@@ -591,9 +571,7 @@ impl<'a, const B: usize> Pulls<'a, B> {
             size = next;
             direction.iter_mut().zip(&scaled).for_each(|(d, z)| *d = z + keep * *d);
         }
-        for (field, amount) in self.response.kernel().iter().zip(amounts) {
-            add(&mut self.field, field, amount);
-        }
+        self.response.kernel().iter().for_each(|own| own.add_to::<B>(&self.loose, &amounts, &mut self.field));
         Ok(())
     }
 }

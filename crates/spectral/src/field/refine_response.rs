@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use super::cycle::{Cycles, Shifted};
 use super::design::DesignError;
 use super::direct::{Direct, ShiftedFactor};
+use super::kernel::{Kernel, orthonormalise};
 use super::refine::RefineError;
 
 /// Cycles are for `S + γM` with `γ` at least this, far below the lowest positive eigenvalue of most surfaces of unit area: `S` alone may be singular.
@@ -42,7 +43,7 @@ pub(super) struct Whole<const B: usize> {
     pub cycles: Option<Cycles<B>>,
     pub direct: Option<Direct<B>>,
     /// Fields without energy, once they were needed.
-    pub kernel: OnceLock<Vec<Vec<f64>>>,
+    pub kernel: OnceLock<Kernel>,
 }
 
 /// The weights of the energies, and of the squared deviation from a field.
@@ -63,8 +64,8 @@ pub(super) struct Response<'a, const B: usize> {
     product: Product<'a, B>,
     /// Whether the product is `K` itself.
     exact: bool,
-    /// Fields without energy, orthonormal.
-    kernel: &'a [Vec<f64>],
+    /// Fields without energy.
+    kernel: Option<&'a Kernel>,
 }
 
 /// The product, or what is left of it without a biharmonic energy, or without any.
@@ -89,6 +90,18 @@ enum Solver<'a, const B: usize> {
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let sums: Vec<f64> =
         a.par_chunks(PIECE).zip(b.par_chunks(PIECE)).map(|(a, b)| a.iter().zip(b).map(|(a, b)| a * b).sum()).collect();
+    sums.iter().sum()
+}
+
+/// `aᵀ M b` with the masses of the faces.
+pub(super) fn product<const B: usize>(mass: &[f64], a: &[f64], b: &[f64]) -> f64 {
+    let pieces = a.par_chunks(B * PIECE).zip(b.par_chunks(B * PIECE)).zip(mass.par_chunks(PIECE));
+    let sums: Vec<f64> = pieces
+        .map(|((a, b), mass)| {
+            let faces = a.as_chunks::<B>().0.iter().zip(b.as_chunks::<B>().0).zip(mass);
+            faces.map(|((a, b), m)| m * (0..B).map(|i| a[i] * b[i]).sum::<f64>()).sum()
+        })
+        .collect();
     sums.iter().sum()
 }
 
@@ -132,14 +145,7 @@ impl<const B: usize> Whole<B> {
 
     /// `aᵀ M b`.
     pub fn product(&self, a: &[f64], b: &[f64]) -> f64 {
-        let pieces = a.par_chunks(B * PIECE).zip(b.par_chunks(B * PIECE)).zip(self.mass.par_chunks(PIECE));
-        let sums: Vec<f64> = pieces
-            .map(|((a, b), mass)| {
-                let faces = a.as_chunks::<B>().0.iter().zip(b.as_chunks::<B>().0).zip(mass);
-                faces.map(|((a, b), m)| m * (0..B).map(|i| a[i] * b[i]).sum::<f64>()).sum()
-            })
-            .collect();
-        sums.iter().sum()
+        product::<B>(&self.mass, a, b)
     }
 
     /// What solves with `S + γM`.
@@ -168,9 +174,9 @@ impl<const B: usize> Whole<B> {
         for _ in 0..2 {
             for field in &mut fields {
                 self.weigh(field);
-                *field = factor.solve(self, field, 1e-12, &[], monitor)?;
+                *field = factor.solve(self, field, 1e-12, None, monitor)?;
             }
-            self.orthonormalise(&mut fields);
+            orthonormalise::<B>(&self.mass, &mut fields);
         }
         fields.retain(|field| dot(field, &self.stiff(field)) < IDLE);
         Ok(fields)
@@ -183,21 +189,6 @@ impl<const B: usize> Whole<B> {
         self.weigh(&mut mass);
         add(&mut image, &mass, gamma);
         image
-    }
-
-    pub(super) fn orthonormalise(&self, fields: &mut [Vec<f64>]) {
-        for at in 0..fields.len() {
-            let (before, rest) = fields.split_at_mut(at);
-            let own = &mut rest[0];
-            for _ in 0..2 {
-                for other in before.iter() {
-                    let share = self.product(other, own);
-                    add(own, other, -share);
-                }
-            }
-            let size = self.product(own, own).sqrt().max(f64::MIN_POSITIVE);
-            own.iter_mut().for_each(|x| *x /= size);
-        }
     }
 }
 
@@ -224,21 +215,22 @@ impl<const B: usize> Factor<'_, B> {
         whole: &Whole<B>,
         f: &[f64],
         tolerance: f64,
-        kernel: &[Vec<f64>],
+        kernel: Option<&Kernel>,
         monitor: &dyn Monitor,
     ) -> Result<Vec<f64>, RefineError> {
         if self.is_exact() {
             monitor.checkpoint()?;
-            return Ok(self.once(f));
+            let mut x = self.once(f);
+            if self.gamma == 0.0 {
+                kernel.iter().for_each(|kernel| kernel.take_out(whole, &mut x));
+            }
+            return Ok(x);
         }
-        let kernel = if self.gamma == 0.0 { kernel } else { &[] };
+        let kernel = if self.gamma == 0.0 { kernel } else { None };
         let apply = |x: &[f64]| if self.gamma > 0.0 { whole.shifted(self.gamma, x) } else { whole.stiff(x) };
         let precondition = |r: &[f64]| {
             let mut z = self.once(r);
-            for idle in kernel {
-                let share = whole.product(idle, &z);
-                add(&mut z, idle, -share);
-            }
+            kernel.iter().for_each(|kernel| kernel.take_out(whole, &mut z));
             Ok(z)
         };
         conjugate_gradients(apply, precondition, f, tolerance, monitor)
@@ -264,9 +256,16 @@ impl<const B: usize> Factor<'_, B> {
 
 impl<'a, const B: usize> Response<'a, B> {
     /// The inverse for a sum; `kernel` are the fields without energy that nothing in it holds.
-    pub fn new(whole: &'a Whole<B>, sum: Sum, kernel: &'a [Vec<f64>]) -> Result<Self, RefineError> {
+    pub fn new(whole: &'a Whole<B>, sum: Sum, kernel: Option<&'a Kernel>) -> Result<Self, RefineError> {
         let mean = whole.mean_weight(&sum);
-        let factor = |gamma: f64| whole.factor(gamma);
+        let factor = |gamma: f64| match (&whole.direct, kernel.filter(|kernel| gamma == 0.0 && kernel.is_complete())) {
+            (Some(direct), Some(kernel)) => {
+                let numbers = || kernel.to_ground(&whole.stiffness);
+                let grounded = direct.grounded(&whole.stiffness, numbers).map_err(DesignError::Sparse)?;
+                Ok(Factor { gamma, solver: Solver::Direct(direct, grounded) })
+            }
+            _ => whole.factor(gamma),
+        };
         let mut exact = sum.masses.is_none();
         let product = if sum.biharmonic > 0.0 {
             let (half, held) = (0.5 * sum.harmonic / sum.biharmonic, mean / sum.biharmonic);
@@ -299,30 +298,28 @@ impl<'a, const B: usize> Response<'a, B> {
         let mut field: Vec<f64> = (0..B * whole.mass.len()).map(|i| (i as f64 * i as f64 * 0.37).sin()).collect();
         for _ in 0..INVERSE_STEPS {
             whole.weigh(&mut field);
-            field = factor.solve(whole, &field, 1e-10, &[], monitor)?;
-            for idle in self.kernel {
-                let share = whole.product(idle, &field);
-                add(&mut field, idle, -share);
-            }
+            field = factor.solve(whole, &field, 1e-10, None, monitor)?;
+            self.kernel.iter().for_each(|kernel| kernel.take_out(whole, &mut field));
             let size = whole.product(&field, &field).sqrt().max(f64::MIN_POSITIVE);
             field.iter_mut().for_each(|x| *x /= size);
         }
         Ok(dot(&field, &whole.stiff(&field)) < IDLE)
     }
 
+    /// What it is the inverse of.
+    pub fn sum(&self) -> &Sum {
+        &self.sum
+    }
+
     /// Fields without energy, which are no part of what is moved.
-    pub fn kernel(&self) -> &'a [Vec<f64>] {
+    pub fn kernel(&self) -> Option<&'a Kernel> {
         self.kernel
     }
 
     /// `K⁻¹ f`, to a tolerance relative to its size in the norm of the energy.
     pub fn apply(&self, f: &[f64], tolerance: f64, monitor: &dyn Monitor) -> Result<Vec<f64>, RefineError> {
         let mut force = f.to_vec();
-        for idle in self.kernel {
-            let mut image = idle.clone();
-            self.whole.weigh(&mut image);
-            add(&mut force, &image, -dot(idle, f));
-        }
+        self.kernel.iter().for_each(|kernel| kernel.take_out_of_force(self.whole, &mut force));
         if self.exact {
             return self.by_product(&force, tolerance, monitor);
         }

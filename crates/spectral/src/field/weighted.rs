@@ -7,6 +7,7 @@ mod whole;
 use std::sync::{Arc, OnceLock};
 
 use chladni_algebra::{DenseMatrix, FactorError, SparseMatrix};
+use rayon::prelude::*;
 
 use crate::basis::FieldBasis;
 use crate::operator::frames::Planar;
@@ -209,6 +210,15 @@ impl Inverse {
     }
 }
 
+/// `A x` on all threads, to the same bits on any number of them.
+fn times(matrix: &SparseMatrix, x: &[f64]) -> Vec<f64> {
+    let row = |row: usize| {
+        let (columns, values) = matrix.row(row);
+        columns.iter().zip(values).map(|(&column, value)| value * x[column as usize]).sum()
+    };
+    (0..matrix.rows()).into_par_iter().with_min_len(1024).map(row).collect()
+}
+
 impl WeightedModel {
     /// The field of least energy under the constraints. With prescribed singularities the faces around them are constrained too: to the direction
     /// that they prescribe, and to the length that the field has there without.
@@ -260,14 +270,14 @@ impl WeightedModel {
         };
         let mut rows = self.rows(basis, &conditions);
         let mut found = start.clone();
-        self.satisfy(&rows, &conditions, b, &mut found)?;
+        self.satisfy(basis, &rows, &conditions, b, &mut found)?;
         if let (Some(turn), Some((prescription, _))) = (turn, &self.prescription) {
             let own = conditions.len();
             conditions.extend(self.around(basis, prescription, turn, &found.field));
             rows = self.rows(basis, &conditions);
             for _ in 0..ROUNDS {
                 found = start.clone();
-                self.satisfy(&rows, &conditions, b, &mut found)?;
+                self.satisfy(basis, &rows, &conditions, b, &mut found)?;
                 let mut at = own;
                 let mut met = true;
                 for fan in prescription.field.fans() {
@@ -374,6 +384,7 @@ impl WeightedModel {
     /// Changes a field so that it meets conditions.
     fn satisfy(
         &self,
+        basis: &FieldBasis,
         rows: &DenseMatrix,
         conditions: &[Condition],
         b: usize,
@@ -384,7 +395,7 @@ impl WeightedModel {
         }
         let kernel = self.free(conditions);
         if let Some(inverse) = self.for_halves(conditions) {
-            return self.satisfy_by_halves(inverse, (rows, kernel), conditions, b, found);
+            return self.satisfy_by_halves((inverse, basis), (rows, kernel), conditions, b, found);
         }
         let solved = self.moved_by(rows, kernel)?;
         let compliance = self.compliance_of(rows, &solved);
@@ -451,7 +462,7 @@ impl WeightedModel {
             Inverse::Sparse(inverse) => {
                 let misfit = || DesignError::Length { what: "a field", got: own.len(), wanted: model.dimension() };
                 let pencil = self.pencil.as_ref().ok_or_else(misfit)?;
-                let image = pencil.stiffness.multiply(own);
+                let image = times(&pencil.stiffness, own);
                 let ritz = if model.has_ritz() { model.project(&pencil.mass.multiply(own)) } else { Vec::new() };
                 let biharmonic = match &pencil.full_biharmonic {
                     Some(full) => product(&full.multiply(own), own),

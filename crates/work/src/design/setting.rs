@@ -29,6 +29,9 @@ const MISSED: f64 = 1e-4;
 /// How closely the field of the whole surface is found where nobody says, and no factor gives it.
 const CLOSE: f64 = 1e-6;
 
+/// Factors that take more multiplications than this, half a minute on one thread, are made only where somebody insists.
+const MOST_OPERATIONS: f64 = 2e11;
+
 /// A surface that fields are designed on, with what finds a face by a point.
 #[derive(Debug)]
 pub struct Surface {
@@ -330,7 +333,7 @@ impl Setting {
         (constraints, coefficients): (Vec<Constraint>, bool),
         monitor: &dyn Monitor,
     ) -> Result<Designed, DesignFault> {
-        let whole = full.filter(|full| full.is_factored() && request.is_of_surface(self.has_room()));
+        let whole = full.filter(|full| full.is_factored() && self.is_of_surface(full, request));
         let mut designed = match whole.filter(|_| !coefficients) {
             None => self.solve(weighted, constraints)?,
             Some(whole) => {
@@ -349,6 +352,12 @@ impl Setting {
         Ok(designed)
     }
 
+    /// Whether the answer is one of all fields of the surface: where nobody insists, only if factors are there or are soon made.
+    fn is_of_surface(&self, full: &FullSpace, request: &DesignRequest) -> bool {
+        let soon = || full.is_factored() && full.operations_of_making() <= MOST_OPERATIONS;
+        request.is_of_surface(self.has_room()) && (request.must_be_of_surface() || soon())
+    }
+
     /// How far a design is from the field of least energy among all fields, and that field where it is wanted.
     ///
     /// # Errors
@@ -364,7 +373,7 @@ impl Setting {
         let Designed { design, constraints, .. } = &*designed;
         let basis = &self.fields.basis;
         let must = request.must_be_of_surface();
-        if !request.is_of_surface(self.has_room()) || !(must || full.is_factored()) {
+        if !self.is_of_surface(full, request) {
             if request.error {
                 designed.error = Some(full.distance(weighted, basis, constraints, design, monitor)?);
             }

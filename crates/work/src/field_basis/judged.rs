@@ -19,6 +19,9 @@ const USUAL_BYTES: u64 = 240 << 20;
 /// Surfaces of up to so many faces are judged by factors, larger ones by cycles, which take less memory than a job promises.
 const FACTORED: usize = 100_000;
 
+/// So many fields without energy are judged beside the others.
+const FEW_IDLE: usize = 32;
+
 /// How many eigenfields are judged, of so many numbers each, besides those without energy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Judging {
@@ -67,7 +70,13 @@ pub fn judged(
     let [wanted, together] = [judging.wanted, judging.together].map(|own| (idle + own).min(model.dimension()));
     // What a model of another space cannot lift has no numbers, and is refused for that below.
     let lifted = |k: usize| basis.space.lift(&model.eigenfield(k)).into_iter().flatten().map(f64::from).collect();
-    let start = (0..together).map(lifted).collect();
-    let found = full.eigenfields(start, wanted, EigenfieldGoal::Estimate, monitor)?;
+    let goal = EigenfieldGoal::Estimate;
+    if idle > FEW_IDLE && full.count_idle(monitor)? == Some(idle) {
+        // Surfaces of many components have that many. Their own are found by component, and what the values of the basis lie above is zero.
+        let above =
+            full.eigenfields_above_idle((idle..together).map(lifted).collect(), wanted - idle, goal, monitor)?;
+        return Ok(Some(above.certificate_above(model.values(), idle, basis.area)));
+    }
+    let found = full.eigenfields((0..together).map(lifted).collect(), wanted, goal, monitor)?;
     Ok(Some(found.certificate(model.values(), basis.area)))
 }

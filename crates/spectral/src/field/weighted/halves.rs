@@ -1,14 +1,17 @@
 //! Few constraints by halves of solves with a sparse factor: what they move at each other's faces is known from elimination on what they reach, and the
 //! field takes one substitution.
 
-use chladni_algebra::{DenseMatrix, HalfSolved, Sides};
+use std::sync::Arc;
+
+use chladni_algebra::{DenseMatrix, Sides};
 use rayon::prelude::*;
 
 use super::super::constraints::Condition;
 use super::super::design::DesignError;
 use super::super::idle::{Idle, Kernel, dot};
-use super::super::pencil::SparseInverse;
+use super::super::pencil_inverse::{FewHalves, Half, SparseInverse};
 use super::{Inverse, Pull, WeightedModel};
+use crate::basis::FieldBasis;
 
 /// Of more constraints panels of whole solves take less than all products of halves.
 const MOST_CONDITIONS: usize = 96;
@@ -16,14 +19,14 @@ const MOST_CONDITIONS: usize = 96;
 /// Fields without energy with what takes them out of halves of solves.
 pub(super) struct IdleHalves {
     /// Halves of the solves for `M̄ z`.
-    halves: Vec<Vec<f64>>,
+    halves: Vec<Half>,
     /// `(M̄ z)ᵀ K⁻¹ M̄ z'`.
     square: Vec<Vec<f64>>,
 }
 
 impl IdleHalves {
     fn new(inverse: &SparseInverse, idle: &[Idle]) -> Self {
-        let halves: Vec<Vec<f64>> = idle.iter().map(|one| inverse.eliminated(&one.image)).collect();
+        let halves: Vec<Half> = idle.iter().map(|one| inverse.eliminated(&one.image)).collect();
         let solved: Vec<Vec<f64>> = halves.iter().map(|half| inverse.substituted(half.clone()).0).collect();
         let square = idle.iter().map(|one| solved.iter().map(|x| dot(&one.image, x)).collect()).collect();
         Self { halves, square }
@@ -42,21 +45,20 @@ impl WeightedModel {
     /// Changes a field so that it meets conditions.
     pub(super) fn satisfy_by_halves(
         &self,
-        inverse: &SparseInverse,
+        (inverse, basis): (&SparseInverse, &FieldBasis),
         (rows, kernel): (&DenseMatrix, Kernel<'_>),
         conditions: &[Condition],
         b: usize,
         found: &mut Pull,
     ) -> Result<(), DesignError> {
-        let side = |at: usize| {
-            let entries = (0..b).flat_map(|i| {
-                let column = rows.column(b * at + i).iter().enumerate().filter(|entry| *entry.1 != 0.0);
-                column.map(move |(row, &value)| (row as u32, i as u32, value))
+        let faces: Vec<u32> = conditions.iter().map(|condition| condition.face).collect();
+        let halves = inverse.halves_of_faces(&faces, |face| {
+            let mut entries = Vec::new();
+            basis.space.row_entries(face as usize, |column, u| {
+                entries.extend(u.iter().enumerate().map(|(i, &u)| (column as u32, i as u32, u)));
             });
-            Sides { width: b, entries: entries.collect() }
-        };
-        let sides: Vec<Sides> = (0..conditions.len()).into_par_iter().map(side).collect();
-        let halves = inverse.halves(sides);
+            Sides { width: b, entries }
+        });
         let mut compliance = DenseMatrix::zeros(rows.columns(), rows.columns());
         let pairs: Vec<(usize, usize)> = (0..halves.len()).flat_map(|j| (0..=j).map(move |i| (i, j))).collect();
         let products: Vec<Vec<f64>> = pairs.par_iter().map(|&(i, j)| halves[i].product(&halves[j])).collect();
@@ -78,7 +80,7 @@ impl WeightedModel {
             values =
                 (0..rows.columns()).map(|i| idle.iter().map(|one| dot(&one.field, rows.column(i))).collect()).collect();
             let products =
-                |half: &HalfSolved| own.halves.iter().map(|idle| half.product_with(idle)).collect::<Vec<_>>();
+                |half: &Arc<FewHalves>| own.halves.iter().map(|idle| half.product_with(idle)).collect::<Vec<_>>();
             for all in halves.par_iter().map(products).collect::<Vec<_>>() {
                 with.extend((0..b).map(|i| all.iter().map(|own| own[i]).collect::<Vec<f64>>()));
             }
@@ -94,7 +96,7 @@ impl WeightedModel {
         halves.iter().zip(y.chunks_exact(b)).for_each(|(own, y)| own.add_to(y, &mut half));
         for (k, idle) in own.halves.iter().enumerate() {
             let share: f64 = values.iter().zip(&y).map(|(values, y)| values[k] * y).sum();
-            half.iter_mut().zip(idle).for_each(|(h, i)| *h -= share * i);
+            half.add(idle, -share);
         }
         let (mut moved, laplacian) = inverse.substituted(half);
         for one in idle {

@@ -17,63 +17,9 @@ use chladni_base::{Monitor, Quiet, SplitMix64};
 use super::HsimError;
 use super::kernel::Kernel;
 use super::level::Level;
-use super::scout::{NEGLIGIBLE, Scout};
+use super::scout::Scout;
 use super::tuning::TUNING;
-
-/// What is wanted, beside the kernel.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Wanted {
-    /// The index of the first pair.
-    pub from: usize,
-    /// Pairs that must converge.
-    pub pairs: usize,
-    /// Columns to give back, the others with whatever residual they have.
-    pub columns: usize,
-    /// The residual (4.6).
-    pub tolerance: f64,
-    /// The most columns of the space.
-    pub most: usize,
-    /// The least shift, as a share of the largest eigenvalue.
-    pub least_shift: f64,
-    pub seed: u64,
-    /// How many pairs may be left to an iteration.
-    pub leave: Leave,
-    /// So many of the lowest eigenvalues are zero, and residuals are relative to `‖(S + σM) x‖`, where `σ` is the next one.
-    pub zeros: Option<usize>,
-    /// Whether columns may be orthonormal to some eight digits only, for half of the products with the basis.
-    pub loosely: bool,
-}
-
-/// Which of the wanted pairs may be left, before they have converged, to an iteration that refines what is found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Leave {
-    /// None: what is found is joined to other pairs as it is.
-    Nothing,
-    /// Some, once the space may not grow any more: where an iteration takes more memory than columns do.
-    WhenFull,
-    /// A few after some looks too: where an iteration takes less time than columns do.
-    Stragglers,
-}
-
-impl Leave {
-    /// How many of so many wanted pairs may be left after so many looks, or when the space cannot grow.
-    fn most(self, pairs: usize, is_full: bool, looks: usize) -> usize {
-        match (self, is_full) {
-            (Self::Nothing, _) | (Self::WhenFull, false) => 0,
-            (Self::WhenFull | Self::Stragglers, true) => pairs / TUNING.krylov.many_left,
-            (Self::Stragglers, false) => looks / TUNING.krylov.few_left,
-        }
-    }
-}
-
-impl Wanted {
-    /// The lowest pairs of a level of a size.
-    pub fn lowest(size: usize, pairs: usize, columns: usize, tolerance: f64, seed: u64) -> Self {
-        let (most, least_shift) = (most(size, pairs), NEGLIGIBLE);
-        let (leave, zeros, loosely) = (Leave::Stragglers, None, false);
-        Self { from: 0, pairs, columns, tolerance, most, least_shift, seed, leave, zeros, loosely }
-    }
-}
+pub(super) use super::wanted::{Leave, Wanted};
 
 /// What was found.
 #[derive(Debug)]
@@ -108,6 +54,10 @@ const MOST_TIMES: usize = 3;
 
 /// Products of columns that are less than this are as good as rounding errors.
 const NOTHING: f64 = 1e-15;
+
+/// Columns of a space from a shift among clusters, where few pairs are wanted, and the most numbers in them: 128 MB, which every promise has room for.
+const FOR_CLUSTERS: usize = 400;
+const NUMBERS_FOR_CLUSTERS: usize = 16 << 20;
 
 /// Residuals of eigenvalues below this share of the shift are taken relative to that.
 const LEAST: f64 = 5e-3;
@@ -158,10 +108,31 @@ pub(super) fn start(
     monitor: &dyn Monitor,
 ) -> Result<Option<Found>, HsimError> {
     let of = (wanted.pairs, kernel.dimension());
-    let middle = Scout::new(level, symbolic).middle(of, wanted.least_shift, monitor)?;
-    let Some(shift) = middle else { return Ok(None) };
-    match pairs(level, symbolic, kernel, &shift, wanted, &mut Vec::new(), monitor) {
-        // Another start may serve where this one breaks down.
+    let mut scout = Scout::new(level, symbolic);
+    let Some(shift) = scout.middle(of, wanted.least_shift, monitor)? else { return Ok(None) };
+    let found = pairs_or_none(level, symbolic, kernel, &shift, wanted, monitor)?;
+    if found.is_some() {
+        return Ok(found);
+    }
+    scout.keep_storage(shift.factor);
+    let Some(shift) = scout.strict_middle(of, wanted.least_shift, monitor)? else { return Ok(None) };
+    // Clusters have to be gone through before what lies far below them shows.
+    let room = (NUMBERS_FOR_CLUSTERS / level.size()).min(level.size() / TUNING.krylov.largest_share);
+    let most = wanted.most.max(FOR_CLUSTERS.min(room));
+    let wanted = Wanted { most, ..wanted };
+    pairs_or_none(level, symbolic, kernel, &shift, wanted, monitor)
+}
+
+/// As [`pairs`]; nothing where the space breaks down: another start may serve.
+fn pairs_or_none(
+    level: &Level,
+    symbolic: &SymbolicFactor,
+    kernel: &Kernel<'_>,
+    shift: &Shift<'_>,
+    wanted: Wanted,
+    monitor: &dyn Monitor,
+) -> Result<Option<Found>, HsimError> {
+    match pairs(level, symbolic, kernel, shift, wanted, &mut Vec::new(), monitor) {
         Err(HsimError::Numerical(_)) => Ok(None),
         found => found,
     }

@@ -32,6 +32,7 @@ mod slices;
 mod solve;
 mod stiff;
 mod tuning;
+mod wanted;
 
 use serde::{Deserialize, Serialize};
 

@@ -17,6 +17,7 @@ const MOST: usize = 8;
 /// The same for one shift among eigenvalues where factors are sparse, of so many entries a row at most: clusters a hundred-thousandth of their distance from
 /// zero wide, as of a graph with a hub, take so many halvings. Without a shift among them a space does not tell them apart.
 const MOST_SPARSE: usize = 30;
+const MOST_STRICTLY: usize = 60;
 const SPARSE: usize = 100;
 
 /// What is closer together is one eigenvalue of many vectors.
@@ -154,16 +155,37 @@ impl<'a> Scout<'a> {
         least: f64,
         monitor: &dyn Monitor,
     ) -> Result<Option<Shift<'a>>, HsimError> {
-        // Of a few, a whole number has to do.
-        let of = |shares: std::ops::RangeInclusive<f64>| {
-            (shares.start() * wanted as f64).floor()..=(shares.end() * wanted as f64).ceil()
-        };
         // One at least: from a shift below all that is wanted a cluster far above it is a cluster.
-        let at_last = of(MIDDLE_AT_LAST);
+        let at_last = shares(MIDDLE_AT_LAST, wanted);
         let at_last = at_last.start().max(1.0)..=*at_last.end();
-        let target = Target { below: MIDDLE * wanted as f64, enough: of(MIDDLE_ENOUGH), at_last };
+        let target = Target { below: MIDDLE * wanted as f64, enough: shares(MIDDLE_ENOUGH, wanted), at_last };
         let first = self.distance(target.below);
         self.shift_below(&target, (first, least), kernel, monitor)
+    }
+
+    /// As [`Self::middle`] with a shift that is no less in the middle after many tries than after few, or else above all that is wanted, where factors are
+    /// sparse: of two values and a cluster above them, a shift between these is among the wanted values, and no space tells the cluster apart from there.
+    pub fn strict_middle(
+        &mut self,
+        (wanted, kernel): (usize, usize),
+        least: f64,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<Shift<'a>>, HsimError> {
+        if self.symbolic.entries() > SPARSE * self.level.size() {
+            return Ok(None);
+        }
+        let count = wanted as f64;
+        let middle = (MIDDLE_ENOUGH.start() * count).ceil()..=(MIDDLE_ENOUGH.end() * count).floor();
+        let above = count..=(1.5 * count + 8.0);
+        for (below, enough) in [(MIDDLE * count, middle), (1.2 * count + 2.0, above)] {
+            let first = self.distance(below);
+            let target = Target { below, at_last: enough.clone(), enough };
+            let found = self.shift_below(&target, (first, least), kernel, monitor)?;
+            if found.is_some() {
+                return Ok(found);
+            }
+        }
+        Ok(None)
     }
 
     /// A positive shift with about so many eigenvalues below that are not those of the kernel, looked for from a first guess; nothing where none is
@@ -178,8 +200,13 @@ impl<'a> Scout<'a> {
         let spread = self.spread();
         let mut at = first.clamp(least * spread, spread);
         let (mut few, mut many): (Tried, Tried) = (None, None);
-        let sparse = self.symbolic.entries() <= SPARSE * self.level.size();
-        for attempt in 0..if sparse { MOST_SPARSE } else { MOST } {
+        let is_sparse = self.symbolic.entries() <= SPARSE * self.level.size();
+        let most = match (is_sparse, target.enough == target.at_last) {
+            (true, true) => MOST_STRICTLY,
+            (true, false) => MOST_SPARSE,
+            (false, _) => MOST,
+        };
+        for attempt in 0..most {
             monitor.checkpoint()?;
             if let (true, Some((low, _)), Some((high, _))) = (attempt >= MOST, few, many)
                 && high - low <= NARROW * high
@@ -269,6 +296,11 @@ impl<'a> Scout<'a> {
         let raised = !has_zero && high > low && self.count(quarter)? == 0;
         Ok(Window { low: if raised { quarter } else { low }, high, semidefinite })
     }
+}
+
+/// Shares of so many pairs: of a few, a whole number has to do.
+fn shares(shares: std::ops::RangeInclusive<f64>, wanted: usize) -> std::ops::RangeInclusive<f64> {
+    (shares.start() * wanted as f64).floor()..=(shares.end() * wanted as f64).ceil()
 }
 
 /// The next distance to try for a number of eigenvalues, from one with too few and one with too many.
