@@ -2,7 +2,7 @@
 //!
 //! Columns and their dense eigenproblem are a small part of the work, and every part makes them anew: they are functions of mesh and parameters alone,
 //! so that all have the same pairs, however many parts there are. What is most of the work, and grows with the mesh, is to say how right the pairs are.
-//! That is a sum over vertices, and each part has its own: it measures what the pairs miss there ([`Energy::of_part`]), and keeps its rows of the
+//! That is a sum over vertices, and each part has its own: it measures what the pairs miss there (`energy/part.rs`), and keeps its rows of the
 //! subspace. The join puts rows one below the other, adds up, and concludes as for a whole.
 //!
 //! Whether a goal is reached is known at the join alone. Where it is not, the join begins again in one piece, which may add columns.
