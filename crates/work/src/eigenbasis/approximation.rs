@@ -165,6 +165,12 @@ impl Approximate {
         if in_parts { (ROWS_OF_PART + ROWS_OF_PART / 10) as u64 } else { vertices }
     }
 
+    /// What it takes more to measure pairs in one piece where surfaces as large are measured in parts.
+    pub(super) fn bytes_of_one_piece(&self, vertices: u64) -> u64 {
+        let left = vertices.saturating_sub(self.measured_at_once(vertices));
+        left * (260 + 800 * panels_at_once(vertices, self.count as u64))
+    }
+
     /// The goal. The thesis' construction is taken as it is, and judged, unless a goal is asked for in so many words.
     fn goal(&self) -> Goal {
         let as_it_is = matches!(self.space, Space::Radial(_)) && !matches!(self.accuracy, Accuracy::Goal(_));
@@ -198,9 +204,7 @@ impl Approximate {
             // Where eigenfunctions may be hidden, they are counted.
             factor_bytes_in_solid(vertices.min(MOST_COUNTED_IN_SOLID as u64))
         };
-        // Pairs are measured on all of it.
-        let left = (vertices - self.measured_at_once(vertices).min(vertices)) * (260 + 800 * panels);
-        self.memory_bytes(vertices) + left + wider + factor
+        self.memory_bytes(vertices) + self.bytes_of_one_piece(vertices) + wider + factor
     }
 
     /// An estimate of the memory that the work needs beside mesh and operator, in bytes: the basis per vertex, the dense problem per
@@ -220,10 +224,14 @@ impl Approximate {
             Space::Heat(heat) if heat.for_few_vertices().is_some() && vertices < FEW_VERTICES as u64 * d => 50,
             _ => 25,
         };
-        let compact = products + vertices * entries * 2 * 8 + vertices * 22 * 8 + d * d * 8 * 5 + d * m * 8 * 2;
+        let start = vertices * 22 * 8;
+        let compact = products + vertices * entries * 2 * 8 + d * d * 8 * 5 + d * m * 8 * 2;
         // Bounds: the pencil once more and its hierarchy, and panels of 32 pairs with what a cycle needs.
         let panels = panels_at_once(vertices, m);
-        let compact = compact + self.measured_at_once(vertices) * (260 + 800 * panels);
+        let at_once = self.measured_at_once(vertices);
+        let measured = at_once * (260 + 800 * panels);
+        // What columns begin with is gone by then.
+        let compact = compact + if at_once < vertices { start.max(measured) } else { start + measured };
         // Where a bound is wide on a problem of moderate size, a factor, and a panel of solutions on each thread.
         let factored =
             if vertices <= MOST_FACTORED as u64 { vertices * (FACTOR_BYTES + 2 * 7 * 16 + 512 * panels) } else { 0 };

@@ -199,7 +199,7 @@ enum Divisible<'a> {
 }
 
 /// Whether an operator may turn out to be the Laplacian by cotangents.
-fn is_of_triangles(operator: &OperatorKind) -> bool {
+pub(super) fn is_of_triangles(operator: &OperatorKind) -> bool {
     matches!(operator, OperatorKind::Auto | OperatorKind::Laplace | OperatorKind::Polygon)
 }
 
