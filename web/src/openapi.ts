@@ -335,7 +335,7 @@ export interface paths {
          *
          *     Geodesic distances by `heat` and `exact` ones are computed on the mesh of the basis; what they prepare of it is kept for further requests. An
          *     infinite distance is `null` in JSON. `Chladni-Slope-Error` tells how far those by `heat` may be off: by how much their slope, which is one, differs
-         *     from one on average. They are off by less than this share of themselves, and by more than a quarter of it as a rule.
+         *     from one, on average over the surface or along paths to the sources. They are off by about this share of themselves or less, by a quarter of it as a rule.
          *
          *     JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is little-endian u32, sources or with `pairs=true` the
          *     vertices of pairs, and the rest of the request stands in the query. The answer is of the same kind unless `Accept` says otherwise.
@@ -1051,7 +1051,8 @@ export interface paths {
          * Gets the content of a mesh
          * @description By `Accept` or `format`: PLY (the default; binary, little-endian), OBJ, binary glTF, or buffers for web clients
          *     (`application/vnd.chladni.mesh`): all little-endian and aligned to four bytes, the number of vertices n and of faces f as u32,
-         *     then 3n positions as f32, then 3f vertex indices as u32.
+         *     then 3n positions as f32, then 3f vertex indices as u32. Of a surface far from the origin, as in geographic coordinates, single precision keeps little of
+         *     the shape: PLY and OBJ hold double, and glTF positions from the middle, where its nodes are moved to.
          *
          *     Texture coordinates, normals and names that the file had come back in all of them but buffers.
          */
