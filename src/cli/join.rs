@@ -16,7 +16,7 @@ use super::CliError;
 use super::solve::report::Run;
 use super::work::WorkArguments;
 
-/// Join the parts of an eigenbasis that `solve --part` wrote, and judge the whole by the counts that they bring along
+/// Join the parts of an eigenbasis that `solve --part` wrote, and judge the whole by what they bring along
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct JoinArguments {

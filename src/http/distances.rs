@@ -185,6 +185,7 @@ impl From<DistanceFault> for Problem {
         match fault {
             DistanceFault::Between
             | DistanceFault::Nowhere
+            | DistanceFault::Nearest
             | DistanceFault::Time
             | DistanceFault::NeedsBasis
             | DistanceFault::Inside

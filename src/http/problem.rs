@@ -86,8 +86,8 @@ kinds! {
         "A source, landmark or other vertex is not one of the mesh, or none is given. The detail names it.";
     INVALID_ANALYSIS = "invalid-analysis", 422, "This cannot be computed in the basis",
         "A time, a count or another number of the request is out of its range, or the basis has no spectrum for it. The detail names it.";
-    INVALID_STREAM = "invalid-compressed-functions", 422, "The bytes are not compressed functions of this basis",
-        "The body must be what `compress` gave for the same basis. The member `at` has the byte where it was noticed.";
+    INVALID_STREAM = "invalid-compressed-functions", 422, "The bytes are not compressed functions of such a basis",
+        "The body must be what `compress` gave for the same basis, which the bytes themselves do not tell. The member `at` has the byte where it was noticed.";
     INVALID_RANGE_OF_MODES = "invalid-mode-range", 422, "There are no such modes",
         "`from` must be less than `to`, and `to` at most the number of eigenfunctions of the basis.";
     INVALID_DESIGN = "invalid-design", 422, "The field cannot be designed",

@@ -16,8 +16,9 @@ fn made(number: usize, parts: usize) -> StoredPart {
     };
     let problem = Fingerprint { unknowns: 3, entries: 7, products: [1.0; 6] };
     let version = "1".to_owned();
-    let plan = PartPlan { version, problem, parts, slices: 1, pairs: 8, kernel: 1, tolerance: 1e-6, seed: 0 };
-    StoredPart::new(&Part { plan, number, slices: Ok(vec![slice]) }, json!({"part": number + 1})).unwrap()
+    let plan =
+        PartPlan { version, problem, parts, slices: 1, pairs: 8, kernel: 1, tolerance: 1e-6, seed: 0, columns: None };
+    StoredPart::new(&Part { plan, number, slices: Ok(vec![slice]), share: None }, json!({"part": number + 1})).unwrap()
 }
 
 fn new_parts(work: &str, count: usize) -> Vec<NewPart> {

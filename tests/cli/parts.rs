@@ -109,3 +109,54 @@ fn parts_that_do_not_make_a_whole_are_refused_in_a_sentence() {
     refused(&[&solve[..], &["1/2", "-o", text(&two), "--method", "approximate"]].concat(), 2, "is not solved in parts");
     refused(&[&solve[..], &["1/2", "-o", text(&two), "--operator", "graph"]].concat(), 2, "is not solved in parts");
 }
+
+#[test]
+fn parts_of_a_surface_become_the_basis_of_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = surface(folder.path(), 3000);
+    let asked = ["-n", "45", "--method", "approximate", "-d", "46", "-p", "accuracy.goal=0.5"];
+    let solved = |more: &[&str]| {
+        let output = chladni(&[&["solve", text(&mesh), "--json"], &asked[..], more].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        serde_json::from_slice::<Value>(&output.stdout).unwrap()
+    };
+    let whole = solved(&[]);
+    let parts: Vec<PathBuf> = (1..4)
+        .map(|number| {
+            let (path, which) = (folder.path().join(format!("{number}.npz")), format!("{number}/3"));
+            let line = solved(&["--part", &which, "-o", text(&path), "--threads", if number == 1 { "1" } else { "2" }]);
+            assert_eq!(line["unknowns"], 1000, "{line}");
+            path
+        })
+        .collect();
+    let basis = folder.path().join("joined.npz");
+    let output = chladni(&[
+        "join",
+        text(&mesh),
+        text(&parts[2]),
+        text(&parts[0]),
+        text(&parts[1]),
+        "-o",
+        text(&basis),
+        "--json",
+    ]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let joined: Value = serde_json::from_slice(&output.stdout).unwrap();
+    for (k, (a, b)) in
+        joined["eigenvalues"].as_array().unwrap().iter().zip(whole["eigenvalues"].as_array().unwrap()).enumerate()
+    {
+        let (a, b) = (a.as_f64().unwrap(), b.as_f64().unwrap());
+        assert!((a - b).abs() <= 1e-9 * b.abs(), "pair {k} is {a}, not {b}");
+    }
+    let output = chladni(&["verify", text(&basis), text(&mesh)]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    // A part that is not there, and one that was cut.
+    let output = chladni(&["join", text(&mesh), text(&parts[0]), text(&parts[2])]);
+    assert!(code(&output) != 0 && stderr(&output).contains("part 2 of 3 is missing"), "{}", stderr(&output));
+    let bytes = std::fs::read(&parts[1]).unwrap();
+    let mut damaged = bytes.clone();
+    damaged[bytes.len() / 2] ^= 1;
+    std::fs::write(&parts[1], damaged).unwrap();
+    let output = chladni(&["join", text(&mesh), text(&parts[0]), text(&parts[1]), text(&parts[2])]);
+    assert!(code(&output) != 0 && stderr(&output).contains("part 2 is damaged"), "{}", stderr(&output));
+}

@@ -45,6 +45,11 @@ const NOT_RUN: &[(&str, &str, &str)] = &[
     ("gpu.md", "CHLADNI_PYTHON=", "takes minutes and 16 GB"),
     ("languages.md", "# ", "nobody has Julia here; the block is compared with examples/julia"),
     ("methods.md", "chladni solve igea.ply -n 1000", "a minute of work; tests/cli/parts.rs solves and joins parts"),
+    (
+        "methods.md",
+        "chladni solve igea.ply --subdivide 2",
+        "minutes of work; tests/cli/parts.rs solves and joins parts",
+    ),
     ("operations.md", "server {", "another program's settings; web/tests/manual.mjs has a proxy"),
     ("operations.md", "export CHLADNI_DATABASE", "wants a database and a store; tests/cluster.rs has both"),
     ("python.md", "pip install maturin", "builds a wheel, as `CHLADNI_WHEEL=on tests/run` does"),

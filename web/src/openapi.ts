@@ -2512,6 +2512,13 @@ export interface components {
              */
             method: "approximate";
             operator?: components["schemas"]["OperatorKind"] | null;
+            /**
+             * @description Into how many parts a server divides the job, for several workers to solve at once: a number, or `auto`. The job waits for its parts without a
+             *     worker, and joins them. Not divided, unless it is given. Of `hsim` in the variant `sliced`, on surfaces, stored as columns: parts of 64 pairs
+             *     at least, with the same result but for rounding. Of `approximate`, for the Laplacian by cotangents with a lumped mass: parts of the surface,
+             *     with the same pairs and somewhat wider bounds.
+             */
+            parts?: ("auto" | number) | null;
             precision?: components["schemas"]["Precision"] | null;
             radial?: components["schemas"]["RadialParameters"] | null;
             refinement?: components["schemas"]["Refinement"] | null;
@@ -2550,6 +2557,13 @@ export interface components {
              */
             method: "approximate";
             operator?: components["schemas"]["OperatorKindShown"] | null;
+            /**
+             * @description Into how many parts a server divides the job, for several workers to solve at once: a number, or `auto`. The job waits for its parts without a
+             *     worker, and joins them. Not divided, unless it is given. Of `hsim` in the variant `sliced`, on surfaces, stored as columns: parts of 64 pairs
+             *     at least, with the same result but for rounding. Of `approximate`, for the Laplacian by cotangents with a lumped mass: parts of the surface,
+             *     with the same pairs and somewhat wider bounds.
+             */
+            parts?: ("auto" | number) | null;
             precision?: components["schemas"]["Precision"] | null;
             radial?: components["schemas"]["RadialParameters"] | null;
             refinement?: components["schemas"]["Refinement"] | null;
@@ -2614,9 +2628,10 @@ export interface components {
             method?: "auto";
             operator?: components["schemas"]["OperatorKind"] | null;
             /**
-             * @description Into how many parts a server divides the job, for several workers to solve at once: a number of parts of 64 pairs at least, or `auto`. The job
-             *     waits for its parts without a worker, and joins them. Not divided, unless it is given; the result is the same but for rounding. Of the variant
-             *     `sliced`, on surfaces, stored as columns.
+             * @description Into how many parts a server divides the job, for several workers to solve at once: a number, or `auto`. The job waits for its parts without a
+             *     worker, and joins them. Not divided, unless it is given. Of `hsim` in the variant `sliced`, on surfaces, stored as columns: parts of 64 pairs
+             *     at least, with the same result but for rounding. Of `approximate`, for the Laplacian by cotangents with a lumped mass: parts of the surface,
+             *     with the same pairs and somewhat wider bounds.
              */
             parts?: ("auto" | number) | null;
             precision?: components["schemas"]["Precision"] | null;
@@ -2710,9 +2725,10 @@ export interface components {
             method?: "auto";
             operator?: components["schemas"]["OperatorKindShown"] | null;
             /**
-             * @description Into how many parts a server divides the job, for several workers to solve at once: a number of parts of 64 pairs at least, or `auto`. The job
-             *     waits for its parts without a worker, and joins them. Not divided, unless it is given; the result is the same but for rounding. Of the variant
-             *     `sliced`, on surfaces, stored as columns.
+             * @description Into how many parts a server divides the job, for several workers to solve at once: a number, or `auto`. The job waits for its parts without a
+             *     worker, and joins them. Not divided, unless it is given. Of `hsim` in the variant `sliced`, on surfaces, stored as columns: parts of 64 pairs
+             *     at least, with the same result but for rounding. Of `approximate`, for the Laplacian by cotangents with a lumped mass: parts of the surface,
+             *     with the same pairs and somewhat wider bounds.
              */
             parts?: ("auto" | number) | null;
             precision?: components["schemas"]["Precision"] | null;
@@ -2793,9 +2809,10 @@ export interface components {
             method: "hsim";
             operator?: components["schemas"]["OperatorKind"] | null;
             /**
-             * @description Into how many parts a server divides the job, for several workers to solve at once: a number of parts of 64 pairs at least, or `auto`. The job
-             *     waits for its parts without a worker, and joins them. Not divided, unless it is given; the result is the same but for rounding. Of the variant
-             *     `sliced`, on surfaces, stored as columns.
+             * @description Into how many parts a server divides the job, for several workers to solve at once: a number, or `auto`. The job waits for its parts without a
+             *     worker, and joins them. Not divided, unless it is given. Of `hsim` in the variant `sliced`, on surfaces, stored as columns: parts of 64 pairs
+             *     at least, with the same result but for rounding. Of `approximate`, for the Laplacian by cotangents with a lumped mass: parts of the surface,
+             *     with the same pairs and somewhat wider bounds.
              */
             parts?: ("auto" | number) | null;
             precision?: components["schemas"]["Precision"] | null;
@@ -2873,9 +2890,10 @@ export interface components {
             method: "hsim";
             operator?: components["schemas"]["OperatorKindShown"] | null;
             /**
-             * @description Into how many parts a server divides the job, for several workers to solve at once: a number of parts of 64 pairs at least, or `auto`. The job
-             *     waits for its parts without a worker, and joins them. Not divided, unless it is given; the result is the same but for rounding. Of the variant
-             *     `sliced`, on surfaces, stored as columns.
+             * @description Into how many parts a server divides the job, for several workers to solve at once: a number, or `auto`. The job waits for its parts without a
+             *     worker, and joins them. Not divided, unless it is given. Of `hsim` in the variant `sliced`, on surfaces, stored as columns: parts of 64 pairs
+             *     at least, with the same result but for rounding. Of `approximate`, for the Laplacian by cotangents with a lumped mass: parts of the surface,
+             *     with the same pairs and somewhat wider bounds.
              */
             parts?: ("auto" | number) | null;
             precision?: components["schemas"]["Precision"] | null;

@@ -16,6 +16,7 @@ mod restrict;
 mod sharing;
 mod smoother;
 
+use std::borrow::Cow;
 use std::sync::OnceLock;
 
 use rayon::prelude::*;
@@ -153,7 +154,11 @@ impl Multigrid {
     ) -> Result<Self, MultigridError> {
         let lumped = mass.lumped();
         assert_eq!(stiffness.rows(), lumped.len(), "a mass for each row");
-        let mut level = (if floor > 0.0 { plus_mass(stiffness, &lumped, floor) } else { stiffness.clone() }, lumped);
+        let finest_matrix = match floor > 0.0 {
+            true => Cow::Owned(plus_mass(stiffness, &lumped, floor)),
+            false => Cow::Borrowed(stiffness),
+        };
+        let mut level = (finest_matrix, lumped);
         let mut finest = None;
         let mut levels: Vec<Level> = Vec::new();
         for number in 0.. {
@@ -174,7 +179,8 @@ impl Multigrid {
             if last {
                 break;
             }
-            level = restricted(&prolongation, &level.0, &level.1);
+            let (matrix, masses) = restricted(&prolongation, &level.0, &level.1);
+            level = (Cow::Owned(matrix), masses);
         }
         let coarsest = if level.1.len() <= COARSEST { Some(Coarsest::new(&level.0, level.1, monitor)?) } else { None };
         Ok(Self { patches: patches(stiffness, mass), finest, levels, coarsest })

@@ -217,8 +217,8 @@ mod tests {
     #[test]
     fn surfaces_far_from_the_origin_keep_their_shape() {
         let moved = |by: f64| {
-            let positions = mesh().positions.iter().map(|p| p.map(|x| x + by)).collect();
-            TriangleMesh { positions, ..mesh() }
+            let positions = [[0.1, -0.7, 0.2], [0.3, 2.0, 0.0], [3.0, 0.5, 1.0 / 3.0]];
+            TriangleMesh { positions: positions.map(|p| p.map(|x| x + by)).to_vec(), ..mesh() }
         };
         for (by, precision) in [(0.0, PlyPrecision::Single), (1.0, PlyPrecision::Single), (3e6, PlyPrecision::Double)] {
             let mesh = moved(by);

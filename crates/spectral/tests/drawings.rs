@@ -55,7 +55,8 @@ fn what_faces_the_light_has_fewer_lines_and_only_shadows_are_crossed() {
     let tone = Tone { light: Some([-1.0, 0.0, 0.4]), ..Tone::default() };
     for swelling in [false, true] {
         let style = HatchingStyle { swelling, tone: Some(tone), outline: 0.0, ..HatchingStyle::default() };
-        let [[lit, lit_crossed], [dark, dark_crossed]] = ink(&hatch(&surface, hatched, &CAMERA, &style).unwrap());
+        let [[lit, lit_crossed], [dark, dark_crossed]] =
+            ink(&hatch(&surface, hatched, &CAMERA, &style, &Unwatched).unwrap().unwrap());
         // Lines that run around the axis are crossed by those towards it.
         assert!(lit < 0.6 * dark, "{swelling}: {lit} {dark}");
         assert!(
@@ -65,7 +66,7 @@ fn what_faces_the_light_has_fewer_lines_and_only_shadows_are_crossed() {
     }
     let flat = HatchingStyle { tone: None, outline: 0.0, ..HatchingStyle::default() };
     let only = HatchedLines { crossing: &[], ..hatched };
-    let [[left, _], [right, _]] = ink(&hatch(&surface, only, &CAMERA, &flat).unwrap());
+    let [[left, _], [right, _]] = ink(&hatch(&surface, only, &CAMERA, &flat, &Unwatched).unwrap().unwrap());
     assert!((left / right - 1.0).abs() < 0.1, "{left} {right}");
 }
 
@@ -77,7 +78,7 @@ fn of_a_cross_field_one_family_comes_before_the_other() {
     let length = |cross: f64| {
         let tone = Tone { light: Some([0.0, 0.0, -1.0]), cross, ..Tone::default() };
         let style = HatchingStyle { tone: Some(tone), outline: 0.0, ..HatchingStyle::default() };
-        ink(&hatch(&surface, hatched, &CAMERA, &style).unwrap()).iter().flatten().sum::<f64>()
+        ink(&hatch(&surface, hatched, &CAMERA, &style, &Unwatched).unwrap().unwrap()).iter().flatten().sum::<f64>()
     };
     let (never, soon) = (length(1.0), length(0.1));
     assert!(soon > 1.5 * never && never > 0.0, "{never} {soon}");
@@ -87,7 +88,7 @@ fn of_a_cross_field_one_family_comes_before_the_other() {
 fn the_silhouette_of_a_ball_is_a_circle_of_joined_strokes() {
     let surface = sphere();
     let nothing = HatchedLines { lines: &[], kinds: 1, crossing: &[], levels: 1 };
-    let drawing = hatch(&surface, nothing, &CAMERA, &HatchingStyle::default()).unwrap();
+    let drawing = hatch(&surface, nothing, &CAMERA, &HatchingStyle::default(), &Unwatched).unwrap().unwrap();
     // The horizon of the unit sphere from a distance of 8.
     let radius = 150.0 / 9f64.to_radians().tan() / 63f64.sqrt();
     let length: f64 = ink(&drawing).iter().flatten().sum();
@@ -98,8 +99,10 @@ fn the_silhouette_of_a_ball_is_a_circle_of_joined_strokes() {
         assert!((off - radius).abs() < 1.5, "{off} {radius}");
     }
     let without = HatchingStyle { outline: 0.0, ..HatchingStyle::default() };
-    assert!(hatch(&surface, nothing, &CAMERA, &without).unwrap().strokes.is_empty());
-    assert!(hatch(&surface, nothing, &Camera { target: CAMERA.eye, ..CAMERA }, &without).is_none());
+    assert!(hatch(&surface, nothing, &CAMERA, &without, &Unwatched).unwrap().unwrap().strokes.is_empty());
+    assert!(
+        hatch(&surface, nothing, &Camera { target: CAMERA.eye, ..CAMERA }, &without, &Unwatched).unwrap().is_none()
+    );
 }
 
 #[test]

@@ -88,6 +88,9 @@ pub enum DistanceFault {
     /// Nothing flows.
     #[error("time: exact geodesic distances take no time step")]
     Time,
+    /// Pairs have no nearest source.
+    #[error("nearest: goes with sources, not with pairs")]
+    Nearest,
     /// Without a basis there are geodesic distances on the mesh alone.
     #[error("distance: without a basis, only geodesic distances by heat or exact ones can be computed")]
     NeedsBasis,
@@ -221,11 +224,12 @@ impl DistanceRequest {
     /// Checks what neither mesh nor basis is needed for.
     ///
     /// # Errors
-    /// [`DistanceFault::Between`], [`DistanceFault::Nowhere`], [`DistanceFault::Time`].
+    /// [`DistanceFault::Between`], [`DistanceFault::Nowhere`], [`DistanceFault::Nearest`], [`DistanceFault::Time`].
     pub fn check(&self) -> Result<(), DistanceFault> {
         match (self.sources.is_empty(), self.pairs.is_empty()) {
             (true, true) => return Err(DistanceFault::Nowhere),
             (false, false) => return Err(DistanceFault::Between),
+            (true, false) if self.nearest => return Err(DistanceFault::Nearest),
             _ => {}
         }
         match self.distance {

@@ -98,7 +98,8 @@ pub struct SolveArguments {
     #[arg(long, value_name = "KIND", help_heading = "Output", value_parser = ["dense", "compact"])]
     storage: Option<String>,
 
-    /// Solve only part K of N of the spectrum, as on one of N machines, and write it to --output; chladni join makes one basis of all parts (hsim)
+    /// Solve only part K of N, as on one of N machines, and write it to --output; chladni join makes one basis of all parts. Parts are of the spectrum
+    /// (hsim) or of the surface (approximate)
     #[arg(long, value_name = "K/N", help_heading = "Method", value_parser = part::which)]
     part: Option<part::WhichPart>,
 

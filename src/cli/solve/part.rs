@@ -65,6 +65,7 @@ pub fn solve(job: &JobParameters, which: WhichPart, work: &WorkArguments) -> Res
             "pairs": pairs(&part),
             "given_up": part.slices.as_ref().err(),
             "slices": part.slices.as_ref().map_or(0, Vec::len),
+            "unknowns": part.share.as_ref().map(|share| share.rows.len()),
             "seconds": {"total": total, "stages": stages.collect::<Map<_, _>>(), "write": write},
             "threads": pool.current_num_threads(),
             "solver_version": SOLVER_VERSION,
@@ -78,19 +79,26 @@ pub fn solve(job: &JobParameters, which: WhichPart, work: &WorkArguments) -> Res
     Ok(ExitCode::SUCCESS)
 }
 
-/// The pairs of a part, those that it shares with its neighbours included.
+/// The pairs of a part, those that it shares with its neighbours included, or those beyond the wanted ones.
 fn pairs(part: &Part) -> usize {
+    if let Some(share) = &part.share {
+        return share.values.len();
+    }
     part.slices.iter().flatten().map(|slice| slice.values.len()).sum()
 }
 
 fn table(part: &Part, (number, parts): (usize, NonZeroUsize), path: &Path, total: f64) -> String {
     let of = format!("part {number} of {parts}");
-    let what = match &part.slices {
-        Ok(slices) => {
+    let what = match (&part.share, &part.slices) {
+        (Some(share), _) => {
+            let (rows, pairs) = (grouped(share.rows.len()), grouped(share.values.len()));
+            format!("{of}: {rows} of {} unknowns, {pairs} pairs", grouped(part.plan.problem.unknowns))
+        }
+        (None, Ok(slices)) => {
             let from = slices.first().map_or(0, |slice| slice.from);
             format!("{of}: {} pairs above the kernel, from number {} on", grouped(pairs(part)), grouped(from + 1))
         }
-        Err(reason) => format!("{of} was given up, and join will solve the whole: {reason}"),
+        (None, Err(reason)) => format!("{of} was given up, and join will solve the whole: {reason}"),
     };
     format!("{what}, {total:.3} s\nwritten to {}; when all are there: chladni join MESH PART.npz …\n", path.display())
 }

@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::extent::{bounding_box, doubled_area, total_area};
+use super::extent::{bounding_box, total_area};
 use super::{CheckOptions, Merge, MeshError};
 use crate::TriangleMesh;
 use crate::attributes::Attributes;
+use crate::intrinsic::TriangleShape;
 use crate::numbering::{self, Numbering, nearest_vertices};
 use crate::read::{Polygons, RawMesh};
 use crate::repair::{DROPPED, Faces, compact, equal_positions};
@@ -145,7 +146,9 @@ impl Examination {
 
     /// Turns faces over so that neighbours agree, and says whether all do.
     fn orient(&mut self, topology: &Topology) -> bool {
-        let flat = self.faces.select(|&face| doubled_area(&self.positions, face) == 0.0);
+        // What operators take for one without area: next to the longest edges nothing is left of it in double precision.
+        let corners = |face: [u32; 3]| face.map(|vertex| self.positions[vertex as usize]);
+        let flat = self.faces.select(|&face| TriangleShape::of_corners(corners(face)).area == 0.0);
         let defect = tally(&flat).into_defect(DefectKind::ZeroArea, |f| self.faces.origin(f));
         self.found.defects.extend(defect);
         let (flipped, orientable) = topology.orient(&mut self.faces.corners);

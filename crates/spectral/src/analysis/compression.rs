@@ -30,8 +30,8 @@ pub const MOST_FUNCTIONS: usize = 256;
 /// Means are sent beside the coefficients where one is so many times as large as the function is apart from it.
 const FAR: f64 = 16.0;
 
-/// Constants are in the span of the modes where this share of the square of their norm is not, at most.
-const MISSING: f64 = 1e-8;
+/// Constants are in the span of the modes where no more than this share of the square of their norm is missing: modes may be in single precision.
+const MISSING: f64 = 1e-4;
 
 /// How hard zstd tries: coefficients are few.
 const LEVEL: i32 = 19;

@@ -72,6 +72,7 @@ impl SpectralDistance {
     /// # Errors
     /// [`AnalysisError`] names a source that is no vertex, a time that is not above zero, or too many columns.
     pub fn from_sources(&self, basis: &Basis, sources: &[u32]) -> Result<DenseMatrix, AnalysisError> {
+        error::lowest(basis)?;
         error::count("sources", sources.len(), 1, MOST_COLUMNS / self.columns().max(1))?;
         let weights = self.weights(&basis.eigenvalues)?;
         let (m, t) = (basis.count(), weights.columns());
@@ -107,6 +108,7 @@ impl SpectralDistance {
     /// # Errors
     /// [`AnalysisError`] names a pair with a vertex that there is not, or a time that is not above zero.
     pub fn between(&self, basis: &Basis, pairs: &[[u32; 2]]) -> Result<DenseMatrix, AnalysisError> {
+        error::lowest(basis)?;
         let weights = self.weights(&basis.eigenvalues)?;
         let mut distances = DenseMatrix::zeros(pairs.len(), weights.columns());
         for (block, pairs) in pairs.chunks(PAIRS_AT_ONCE).enumerate() {
@@ -155,6 +157,7 @@ pub fn nearest(distances: &DenseMatrix, times: usize) -> DenseMatrix {
 mod tests {
     use super::*;
     use crate::analysis::fixtures::{chain, dense};
+    use crate::analysis::signature::Signature;
 
     const N: usize = 60;
 
@@ -164,6 +167,21 @@ mod tests {
             SpectralDistance::Biharmonic,
             SpectralDistance::CommuteTime,
         ]
+    }
+
+    #[test]
+    fn bases_without_the_lowest_pairs_are_refused() {
+        let mut basis = chain(30, 10);
+        assert!(SpectralDistance::Biharmonic.from_sources(&basis, &[3]).is_ok());
+        basis.certificate.first = 4;
+        for refused in [
+            SpectralDistance::Biharmonic.from_sources(&basis, &[3]),
+            SpectralDistance::CommuteTime.between(&basis, &[[3, 5]]),
+            Signature::GlobalPoint { count: 3 }.everywhere(&basis),
+            Signature::GlobalPoint { count: 3 }.at(&basis, &[3]),
+        ] {
+            assert_eq!(refused.unwrap_err(), AnalysisError::NotLowest { first: 4 });
+        }
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use chladni_algebra::{DefiniteError, EigenError, FactorError};
 use chladni_base::Cancelled;
 
-use crate::basis::BasisError;
+use crate::basis::{Basis, BasisError};
 use crate::operator::OperatorError;
 
 /// Why something was not computed in a basis.
@@ -60,6 +60,12 @@ pub enum AnalysisError {
         what: &'static str,
         /// Its value.
         value: f64,
+    },
+    /// The lowest pairs are needed, and the basis holds others.
+    #[error("the basis holds the pairs of an interval, from number {first} on, and this needs the lowest ones")]
+    NotLowest {
+        /// The index of its first pair.
+        first: usize,
     },
     /// All eigenvalues are zero.
     #[error("the basis has no eigenvalue above zero")]
@@ -163,6 +169,14 @@ pub(super) fn positive(parameter: &'static str, value: f64) -> Result<(), Analys
         return Ok(());
     }
     Err(AnalysisError::Parameter { parameter, value, expected: "a finite number above zero" })
+}
+
+/// Refuses a basis that does not begin with the lowest pair: sums over the spectrum are dominated by what it lacks.
+pub(super) fn lowest(basis: &Basis) -> Result<(), AnalysisError> {
+    match basis.certificate.first {
+        0 => Ok(()),
+        first => Err(AnalysisError::NotLowest { first }),
+    }
 }
 
 /// Checks a number of things.

@@ -75,6 +75,7 @@ pub fn geodesic(
     if are_points(mesh) {
         return Err(AnalysisError::NoFaces);
     }
+    error::lowest(basis)?;
     error::count("sources", sources.len(), 1, MOST_COLUMNS)?;
     let first = kernel_size(&basis.eigenvalues)?;
     let times = match time {

@@ -105,6 +105,7 @@ impl Signature {
     /// # Errors
     /// [`AnalysisError`] names a parameter out of its range.
     pub fn everywhere(&self, basis: &Basis) -> Result<DenseMatrix, AnalysisError> {
+        error::lowest(basis)?;
         if let Self::GlobalPoint { count } = self {
             let (range, factors) = Self::points(*count, &basis.eigenvalues)?;
             let mut values = basis.lift::<f64>(range)?;
@@ -122,6 +123,7 @@ impl Signature {
     /// # Errors
     /// [`AnalysisError`] names a vertex that there is not, or a parameter out of its range.
     pub fn at(&self, basis: &Basis, vertices: &[u32]) -> Result<DenseMatrix, AnalysisError> {
+        error::lowest(basis)?;
         let mut values = basis.at_vertices(vertices).map_err(AnalysisError::vertices("point"))?;
         if let Self::GlobalPoint { count } = self {
             let (range, factors) = Self::points(*count, &basis.eigenvalues)?;
@@ -142,6 +144,7 @@ impl Signature {
     /// # Errors
     /// [`AnalysisError`] names a vertex that there is not, or a parameter out of its range.
     pub fn similarity(&self, basis: &Basis, vertex: u32) -> Result<Vec<f64>, AnalysisError> {
+        error::lowest(basis)?;
         let own = match self {
             // Unnormalised, the earliest time would drown the others.
             Self::HeatKernel { times, .. } => &Self::HeatKernel { times: times.clone(), normalised: true },

@@ -24,7 +24,9 @@ pub use field::{FieldBasis, RitzFields, StoredFields};
 pub use field_space::{FieldSpace, SpaceError};
 pub use maps::{CycleErrors, MAP_COLLECTION, StoredMap, StoredMaps, ordered_pairs};
 pub(crate) use part::SHARED;
-pub use part::{EIGENBASIS_PART, Fingerprint, Part, PartCount, PartPlan, PartSlice, StoredPart};
+pub use part::{
+    EIGENBASIS_PART, Fingerprint, NUMBERS_OF_SHARE, Part, PartCount, PartPlan, PartShare, PartSlice, StoredPart,
+};
 pub use product::{PARTS, PENCIL, Product, ProductKind, Summary};
 
 use std::sync::{Arc, OnceLock};

@@ -1,6 +1,6 @@
 //! Parts of one eigenproblem, as they travel between those who solve them and the one who joins them.
 
-use chladni_algebra::PanelMatrix;
+use chladni_algebra::{DenseMatrix, PanelMatrix, SparseMatrix};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -52,6 +52,9 @@ pub struct PartPlan {
     pub tolerance: f64,
     /// Seeds everything that is drawn at random.
     pub seed: u64,
+    /// Of an approximation the functions that its pairs are made of; parts are of the surface then, and not of the spectrum.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub columns: Option<usize>,
 }
 
 impl PartPlan {
@@ -78,6 +81,7 @@ impl PartPlan {
         let differ = |differ: bool, what| differ.then_some(what);
         differ(!self.problem.is_as(&other.problem), "it is of another problem")
             .or(differ((self.parts, self.slices) != (other.parts, other.slices), "it is divided otherwise"))
+            .or(differ(self.columns != other.columns, "it has another subspace"))
             .or(differ((self.pairs, self.kernel) != (other.pairs, other.kernel), "it has another number of pairs"))
             .or(differ(self.tolerance != other.tolerance, "it has another tolerance"))
             .or(differ(self.seed != other.seed, "it has another seed"))
@@ -108,6 +112,28 @@ pub struct PartSlice {
     pub count: PartCount,
 }
 
+/// How many sums a part of an approximation has for each pair.
+pub const NUMBERS_OF_SHARE: usize = 14;
+
+/// Of an approximation, what one part of the surface holds of it: all pairs, the functions at its own unknowns, and what the pairs miss there.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PartShare {
+    /// The unknowns of this part, ascending.
+    pub rows: Vec<u32>,
+    /// The subspace, a row for each of them.
+    pub space: SparseMatrix<f32>,
+    /// Ritz values, ascending, on unit area, those beyond the wanted ones included.
+    pub values: Vec<f64>,
+    /// A column for each of them, orthonormal for the mass of the subspace.
+    pub coefficients: DenseMatrix,
+    /// Sums over these rows, so many numbers for each pair: [`NUMBERS_OF_SHARE`].
+    pub sums: Vec<f64>,
+    /// The largest sum of magnitudes in a row of the stiffness.
+    pub stiffness_norm: f64,
+    /// How far the coefficients are from orthonormal.
+    pub orthonormality_defect: f64,
+}
+
 /// What one part found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Part {
@@ -117,6 +143,8 @@ pub struct Part {
     pub number: usize,
     /// Its slices from the lowest up; or why they were given up, so that the problem has to be solved in one piece.
     pub slices: Result<Vec<PartSlice>, String>,
+    /// What it holds of an approximation, which has no slices.
+    pub share: Option<PartShare>,
 }
 
 /// A part as it is kept until it is joined: the bytes of its NPZ file, and what its head says. It is decoded when its turn comes.
@@ -177,7 +205,8 @@ pub(crate) mod tests {
             kernel: 1,
             tolerance: 1e-6,
             seed: 0,
+            columns: None,
         };
-        Part { plan, number: 1, slices: Ok(vec![slice(4, &[1.0, 2.0]), slice(6, &[2.0, 3.0])]) }
+        Part { plan, number: 1, slices: Ok(vec![slice(4, &[1.0, 2.0]), slice(6, &[2.0, 3.0])]), share: None }
     }
 }

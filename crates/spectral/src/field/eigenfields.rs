@@ -47,6 +47,9 @@ const USUAL: f64 = 0.1;
 /// Fields of norm 1 with less energy, on unit area, have none that matters: they are kept as they are.
 const IDLE: f64 = 1e-4;
 
+/// Numbers of a field that one task handles.
+const PIECE: usize = 4096;
+
 /// What eigenfields of the whole surface are computed for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum EigenfieldGoal {
@@ -149,8 +152,8 @@ impl FullSpace {
             return Ok(LowestFields { reached: true, ..LowestFields::default() });
         }
         match &self.inner {
-            Inner::Two(whole) => Lowest::new(whole, None, start, wanted)?.run(goal, monitor),
-            Inner::Three(whole) => Lowest::new(whole, None, start, wanted)?.run(goal, monitor),
+            Inner::Two(whole) => Lowest::new(whole, None, start, wanted, monitor)?.run(goal, monitor),
+            Inner::Three(whole) => Lowest::new(whole, None, start, wanted, monitor)?.run(goal, monitor),
         }
     }
 
@@ -168,8 +171,8 @@ impl FullSpace {
     ) -> Result<LowestFields, RefineError> {
         let wanted = wanted.min(start.len());
         match &self.inner {
-            Inner::Two(whole) => Lowest::new(whole, whole.kernel.get(), start, wanted)?.run(goal, monitor),
-            Inner::Three(whole) => Lowest::new(whole, whole.kernel.get(), start, wanted)?.run(goal, monitor),
+            Inner::Two(whole) => Lowest::new(whole, whole.kernel.get(), start, wanted, monitor)?.run(goal, monitor),
+            Inner::Three(whole) => Lowest::new(whole, whole.kernel.get(), start, wanted, monitor)?.run(goal, monitor),
         }
     }
 }
@@ -212,23 +215,30 @@ impl<'a, const B: usize> Lowest<'a, B> {
         kernel: Option<&'a Kernel>,
         start: Vec<Vec<f64>>,
         wanted: usize,
+        monitor: &dyn Monitor,
     ) -> Result<Self, RefineError> {
         let factor = whole.factor(SHIFT)?;
         let count = start.len();
         let (idle, fields, values, steps) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let mut made = Self { whole, factor, wanted, kernel, idle, fields, values, steps };
         // They were stored in single precision: made orthonormal, their values stay what they were to seven digits.
-        made.fields = made.orthonormal(Vec::new(), start);
-        made.lower(count)?;
+        made.fields = made.orthonormal(Vec::new(), start, monitor)?;
+        made.lower(count, monitor)?;
         let idle = LowestFields::idle(&made.values);
         made.idle = made.fields.drain(..idle).zip(made.values.drain(..idle)).collect();
         Ok(made)
     }
 
     /// `known` and what of `more` lies outside of it, orthonormal.
-    fn orthonormal(&self, known: Vec<Vec<f64>>, more: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+    fn orthonormal(
+        &self,
+        known: Vec<Vec<f64>>,
+        more: Vec<Vec<f64>>,
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<Vec<f64>>, RefineError> {
         let mut found = known;
         for mut own in more {
+            monitor.checkpoint()?;
             let mut size = self.whole.product(&own, &own).sqrt();
             let least = (OWN * size).max(ROUNDING);
             for _ in 0..2 {
@@ -240,7 +250,7 @@ impl<'a, const B: usize> Lowest<'a, B> {
                 found.push(own);
             }
         }
-        found
+        Ok(found)
     }
 
     /// Takes orthonormal fields out of a field.
@@ -248,20 +258,25 @@ impl<'a, const B: usize> Lowest<'a, B> {
         self.kernel.iter().for_each(|kernel| kernel.take_out(self.whole, own));
         let mut image = own.to_vec();
         self.whole.weigh(&mut image);
-        let known = || self.idle.iter().map(|own| &own.0).chain(fields);
-        let shares: Vec<f64> = known().map(|field| dot(field, &image)).collect();
-        known().zip(shares).for_each(|(field, share)| add(own, field, -share));
+        let known: Vec<&Vec<f64>> = self.idle.iter().map(|own| &own.0).chain(fields).collect();
+        let shares: Vec<f64> = known.par_iter().map(|field| dot(field, &image)).collect();
+        own.par_chunks_mut(PIECE).enumerate().for_each(|(k, own)| {
+            for (field, share) in known.iter().zip(&shares) {
+                own.iter_mut().zip(&field[k * PIECE..]).for_each(|(own, x)| *own -= share * x);
+            }
+        });
     }
 
     /// The fields of the `count` lowest values in the span of `fields`, which are orthonormal, take their place; what is not of the first `count`
     /// makes the steps.
-    fn lower(&mut self, count: usize) -> Result<(), RefineError> {
+    fn lower(&mut self, count: usize, monitor: &dyn Monitor) -> Result<(), RefineError> {
         let all = self.fields.len();
         if all == 0 {
             return Ok(());
         }
         let mut matrix = DenseMatrix::zeros(all, all);
         for j in 0..all {
+            monitor.checkpoint()?;
             let image = self.whole.stiff(&self.fields[j]);
             let products: Vec<f64> = self.fields[..=j].par_iter().map(|field| dot(field, &image)).collect();
             for (i, product) in products.into_iter().enumerate() {
@@ -271,15 +286,17 @@ impl<'a, const B: usize> Lowest<'a, B> {
         }
         let kept = count.min(all);
         let pairs = lowest_symmetric(matrix, kept, &chladni_base::Unwatched).map_err(DesignError::Eigen)?;
-        let mixed = |k: usize, from: usize| {
+        let mixed = |k: usize, from: usize| -> Result<Vec<f64>, RefineError> {
+            monitor.checkpoint()?;
             let mut sum = vec![0.0; self.fields[0].len()];
             for (field, &share) in self.fields.iter().zip(pairs.vectors.column(k)).skip(from) {
                 add(&mut sum, field, share);
             }
-            sum
+            Ok(sum)
         };
-        let steps = if all > count { (0..kept).map(|k| mixed(k, count)).collect() } else { Vec::new() };
-        let fields = (0..kept).map(|k| mixed(k, 0)).collect();
+        let all_mixed = |from: usize| (0..kept).into_par_iter().map(|k| mixed(k, from)).collect::<Result<_, _>>();
+        let steps = if all > count { all_mixed(count)? } else { Vec::new() };
+        let fields = all_mixed(0)?;
         self.values = pairs.values;
         self.fields = fields;
         self.steps = steps;
@@ -349,9 +366,10 @@ impl<'a, const B: usize> Lowest<'a, B> {
             rounds += 1;
             let fields = std::mem::take(&mut self.fields);
             let steps = std::mem::take(&mut self.steps);
-            let together = self.orthonormal(fields, corrections.into_iter().map(|own| own.field).collect());
-            self.fields = self.orthonormal(together, steps);
-            self.lower(count)?;
+            let corrections = corrections.into_iter().map(|own| own.field).collect();
+            let together = self.orthonormal(fields, corrections, monitor)?;
+            self.fields = self.orthonormal(together, steps, monitor)?;
+            self.lower(count, monitor)?;
         }
     }
 

@@ -3,6 +3,7 @@
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::points::are_points;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::assembly::{Triangles, assemble_on};
@@ -271,6 +272,19 @@ impl MeshOperator {
     /// Whether the problem is that of the Laplacian on all vertices.
     pub fn is_laplacian(&self) -> bool {
         self.base.is_none()
+    }
+
+    /// Whether the stiffness is that of the Laplacian, but for vertices that are held at zero.
+    pub fn is_laplacian_but_for_the_held(&self) -> bool {
+        let (Some(base), Some(unknowns)) = (&self.base, &self.problem.unknowns) else { return self.base.is_none() };
+        let mut row_of = vec![u32::MAX; base.size()];
+        unknowns.iter().zip(0..).for_each(|(&vertex, row)| row_of[vertex as usize] = row);
+        unknowns.par_iter().enumerate().all(|(row, &vertex)| {
+            let (columns, values) = base.stiffness.row(vertex as usize);
+            let (own, entries) = self.problem.stiffness.row(row);
+            let left = columns.iter().zip(values).map(|(&column, value)| (row_of[column as usize], value));
+            left.filter(|(column, _)| *column != u32::MAX).eq(own.iter().copied().zip(entries))
+        })
     }
 
     /// The Laplacian on all vertices, without boundary condition: what local functions are diffused with.

@@ -110,7 +110,7 @@ pub(super) fn cotangent(
 }
 
 /// The power of two that brings the largest extent of the bounding box near 1, so that products neither overflow nor underflow.
-pub(super) fn power_of_two_scale(positions: &[[f64; 3]]) -> Result<f64, OperatorError> {
+pub(crate) fn power_of_two_scale(positions: &[[f64; 3]]) -> Result<f64, OperatorError> {
     let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     let mut finite = true;
     for p in positions {

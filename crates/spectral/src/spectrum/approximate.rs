@@ -2,6 +2,7 @@
 
 mod attempt;
 mod error;
+pub mod parts;
 mod reduce;
 mod space;
 
@@ -16,7 +17,7 @@ use super::lehmann::{self, Enclosed};
 use super::radial::RadialParameters;
 use crate::basis::{AccuracyReport, Basis, Compact, Functions, InertiaCount};
 use crate::operator::{EigenProblem, MeshOperator};
-use chladni_algebra::EigenError;
+use chladni_algebra::{EigenError, gpu};
 use chladni_base::Monitor;
 
 use attempt::{Attempt, Remedies};
@@ -140,7 +141,8 @@ pub fn approximate<'a>(
 /// A space that was made as fine as the goal asks for, or as the mesh allows, and its pairs, judged.
 pub(super) struct Found<'a> {
     attempt: Attempt,
-    energy: Energy<'a>,
+    /// What pairs are measured with, where they were measured in one piece.
+    energy: Option<Energy<'a>>,
     /// How its functions were made.
     built: Space,
     /// How often it was made finer.
@@ -159,24 +161,28 @@ impl Found<'_> {
 
     /// What came of the goal.
     pub(super) fn report(&self, domain: Domain<'_>, goal: f64) -> AccuracyReport {
-        let Self { attempt, built, rounds, .. } = self;
-        AccuracyReport {
-            goal,
-            largest_estimate: attempt.largest_estimate,
-            reached: attempt.largest_estimate <= goal && attempt.hidden == 0,
-            rounds: *rounds,
-            dimension: attempt.ritz.space.columns(),
-            hats: hats::count(&attempt.ritz.space),
-            heat_steps: match *built {
-                Space::Heat(heat) => Some(domain.heat(heat).steps),
-                Space::Radial(_) => None,
-            },
-        }
+        report(domain, &self.attempt, self.built, self.rounds, goal)
     }
 
     /// Whether there are eigenvalues below the last pair's that no pair stands for.
     pub(super) fn hides_some(&self) -> bool {
         self.attempt.hidden > 0
+    }
+}
+
+/// What came of a goal.
+fn report(domain: Domain<'_>, attempt: &Attempt, built: Space, rounds: usize, goal: f64) -> AccuracyReport {
+    AccuracyReport {
+        goal,
+        largest_estimate: attempt.largest_estimate,
+        reached: attempt.largest_estimate <= goal && attempt.hidden == 0,
+        rounds,
+        dimension: attempt.ritz.space.columns(),
+        hats: hats::count(&attempt.ritz.space),
+        heat_steps: match built {
+            Space::Heat(heat) => Some(domain.heat(heat).steps),
+            Space::Radial(_) => None,
+        },
     }
 }
 
@@ -190,14 +196,7 @@ pub(super) fn search<'a>(
 ) -> Result<Found<'a>, ApproximationError> {
     let problem = &operator.problem;
     let (count, goal) = (parameters.count, parameters.goal.map(|goal| goal.error));
-    let mut guards = self::guards(count, problem.size() / parameters.dimension.max(1)).max(guards);
-    if parameters.certify {
-        guards = guards.max(lehmann::guards(count));
-    }
-    let kernel = hsim::constants_in_kernel(&problem.stiffness, &problem.mass);
-    // Eigenvalues are counted above the kernel, even if only a part of that is wanted.
-    let pairs = if parameters.certify { count.max(kernel) } else { count };
-    let columns = (pairs + guards).min(parameters.dimension.max(pairs)).min(problem.size()).max(count);
+    let (kernel, columns) = pairs_with_guards(problem, &parameters, guards);
     let most = most_columns(problem.size(), parameters.dimension.max(count));
     let mut attempt = Attempt::new(
         ritz(domain, operator, &mut parameters, columns, monitor)?.with_zeros(problem, kernel),
@@ -206,8 +205,15 @@ pub(super) fn search<'a>(
     );
     let mut built = parameters.space;
     monitor.stage("bounds");
-    let energy = Energy::new(problem, operator.floor, monitor).map_err(CertificateError::from)?;
-    attempt.judge(&energy, problem, goal, monitor)?;
+    let energy = match measured_in_parts(domain, operator, &parameters, &attempt) {
+        true => None,
+        false => Some(Energy::new(problem, operator.floor, monitor).map_err(CertificateError::from)?),
+    };
+    let judge = |attempt: &mut Attempt| match &energy {
+        Some(energy) => attempt.judge(energy, problem, goal, monitor),
+        None => attempt.judge_in_parts(domain, operator, problem.size().div_ceil(ROWS_OF_PART), monitor),
+    };
+    judge(&mut attempt)?;
     attempt.look_for_hidden(domain, operator, goal, monitor)?;
     let mut rounds = 0;
     let mut remedies = Remedies { hats: true, longer: true };
@@ -228,7 +234,7 @@ pub(super) fn search<'a>(
             Err(error) => return Err(error),
         };
         monitor.stage("bounds");
-        next.judge(&energy, problem, Some(goal), monitor)?;
+        judge(&mut next)?;
         next.look_for_hidden(domain, operator, Some(goal), monitor)?;
         let gained = attempt.excess(goal) / next.excess(goal);
         if gained > 1.0 {
@@ -242,6 +248,44 @@ pub(super) fn search<'a>(
     Ok(Found { attempt, energy, built, rounds })
 }
 
+/// From so many unknowns on pairs are measured in parts of the surface, one after the other: what a panel and its hierarchy take, some 900 bytes an
+/// unknown, is most of the memory. Bounds are a little wider beside cuts, and where a goal is missed columns are added everywhere: where energy is
+/// missing is known of the whole alone.
+pub const MEASURED_IN_PARTS_FROM: usize = 4_000_000;
+
+/// The unknowns of such a part.
+pub const ROWS_OF_PART: usize = 2_000_000;
+
+/// Whether pairs are measured in parts.
+fn measured_in_parts(
+    domain: Domain<'_>,
+    operator: &MeshOperator,
+    parameters: &ApproximationParameters,
+    attempt: &Attempt,
+) -> bool {
+    let (n, space) = (operator.problem.size(), &attempt.ritz.space);
+    let on_card = || gpu::accelerator().would_measure(n, space.entries(), attempt.ritz.pairs.values.len());
+    n >= MEASURED_IN_PARTS_FROM
+        && !parameters.certify
+        && matches!(domain, Domain::Surface(_))
+        && n >= FEW_VERTICES * space.columns()
+        && parts::has_parts(operator).is_ok()
+        && !on_card()
+}
+
+/// The dimension of the kernel, and the pairs that are computed, at least `guards` beyond the wanted ones among them.
+fn pairs_with_guards(problem: &EigenProblem, parameters: &ApproximationParameters, guards: usize) -> (usize, usize) {
+    let count = parameters.count;
+    let mut guards = self::guards(count, problem.size() / parameters.dimension.max(1)).max(guards);
+    if parameters.certify {
+        guards = guards.max(lehmann::guards(count));
+    }
+    let kernel = hsim::constants_in_kernel(&problem.stiffness, &problem.mass);
+    // Eigenvalues are counted above the kernel, even if only a part of that is wanted.
+    let pairs = if parameters.certify { count.max(kernel) } else { count };
+    (kernel, (pairs + guards).min(parameters.dimension.max(pairs)).min(problem.size()).max(count))
+}
+
 /// [`approximate`] on a problem of unit size, whose area is the square of the length that is 1 there.
 fn on_unit_size(
     domain: Domain<'_>,
@@ -251,11 +295,27 @@ fn on_unit_size(
 ) -> Result<Basis, ApproximationError> {
     let problem = &operator.problem;
     let parameters = parameters.fitted(problem.size());
-    let count = parameters.count;
     let found = search(domain, operator, parameters, 0, monitor)?;
     let accuracy = parameters.goal.map(|goal| found.report(domain, goal.error));
     let Found { attempt, energy, .. } = found;
-    let enclosed = if parameters.certify { Some(attempt.enclose(&energy, problem, monitor)?) } else { None };
+    let enclosed = match &energy {
+        Some(energy) if parameters.certify => Some(attempt.enclose(energy, problem, monitor)?),
+        _ => None,
+    };
+    drop(energy);
+    Ok(delivered(domain, operator, attempt, accuracy, enclosed))
+}
+
+/// The basis of pairs that are judged, in the units of the input.
+fn delivered(
+    domain: Domain<'_>,
+    operator: &MeshOperator,
+    attempt: Attempt,
+    accuracy: Option<AccuracyReport>,
+    enclosed: Option<Enclosed>,
+) -> Basis {
+    let problem = &operator.problem;
+    let count = attempt.count;
     let Attempt { ritz: Ritz { space, mut pairs, .. }, mut certificate, .. } = attempt;
     for distances in [&mut certificate.estimates, &mut certificate.bounds] {
         by_index(&pairs.values, distances, problem.area);
@@ -280,13 +340,13 @@ fn on_unit_size(
         Some(unknowns) => on_all_vertices(space, unknowns, domain.positions().len()),
         None => space,
     };
-    Ok(Basis {
+    Basis {
         functions: Functions::Compact(Compact::new(space, pairs.vectors)),
         eigenvalues: pairs.values.into_iter().map(|value| value * value_scale).collect(),
         mass: operator.laplacian().mass.scaled(problem.area),
         certificate,
         metadata: serde_json::Value::Object(serde_json::Map::new()),
-    })
+    }
 }
 
 /// Makes distances of values, ascending, from some eigenvalue those from the eigenvalue of the same index, if no two values belong to one eigenvalue:

@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use super::energy::{Density, Energy};
+use super::energy::{Density, Energy, Measure};
 use crate::basis::Certificate;
 use crate::operator::EigenProblem;
 use chladni_algebra::{DenseMatrix, MultigridError, SparseMatrix};
@@ -69,7 +69,7 @@ pub const KERNEL: f64 = 1e-6;
 pub fn certify(
     energy: &Energy<'_>,
     problem: &EigenProblem,
-    space: &SparseMatrix<f32>,
+    space: &mut SparseMatrix<f32>,
     reduced_mass: &SparseMatrix,
     coefficients: &mut DenseMatrix,
     ritz: &[f64],
@@ -96,7 +96,21 @@ pub fn certify(
         return Err(misfit);
     }
     let (measures, density) = energy.measure(space, coefficients, ritz, KERNEL, goal, monitor)?;
-    let stiffness_norm = infinity_norm(&problem.stiffness);
+    monitor.checkpoint()?;
+    let defect = gram_defect(reduced_mass, coefficients).ok_or(misfit)?;
+    let certificate =
+        certificate_of(&measures, (infinity_norm(&problem.stiffness), defect, problem.area), coefficients, ritz);
+    Ok((certificate, density))
+}
+
+/// The certificate of pairs that are measured; each is turned as [`certify`] says. `stiffness_norm` is the largest sum of magnitudes in a row of the
+/// stiffness, `defect` how far coefficients are from orthonormal.
+pub(super) fn certificate_of(
+    measures: &[Measure],
+    (stiffness_norm, defect, area): (f64, f64, f64),
+    coefficients: &mut DenseMatrix,
+    ritz: &[f64],
+) -> Certificate {
     let mut certificate = Certificate::default();
     for (k, (measure, &theta)) in measures.iter().zip(ritz).enumerate() {
         certificate.residuals.push(if theta.abs() <= KERNEL {
@@ -104,16 +118,15 @@ pub fn certify(
         } else {
             ratio(measure.sums.residual.sqrt(), measure.sums.stiffness.sqrt())
         });
-        certificate.bounds.push(measure.bound / problem.area);
-        certificate.estimates.push(measure.estimate / problem.area);
+        certificate.bounds.push(measure.bound / area);
+        certificate.estimates.push(measure.estimate / area);
         if measure.sums.lowest < -measure.sums.highest {
             coefficients.column_mut(k).iter_mut().for_each(|x| *x = -*x);
         }
     }
-    monitor.checkpoint()?;
     let lifted = measures.iter().map(|measure| (measure.sums.mass - 1.0).abs()).fold(0.0, f64::max);
-    certificate.orthonormality_defect = gram_defect(reduced_mass, coefficients).ok_or(misfit)?.max(lifted);
-    Ok((certificate, density))
+    certificate.orthonormality_defect = defect.max(lifted);
+    certificate
 }
 
 /// A quotient of non-negative numbers; nothing over nothing is nothing.
@@ -121,7 +134,7 @@ fn ratio(part: f64, whole: f64) -> f64 {
     if part == 0.0 { 0.0 } else { part / whole }
 }
 
-fn infinity_norm(matrix: &SparseMatrix) -> f64 {
+pub(super) fn infinity_norm(matrix: &SparseMatrix) -> f64 {
     (0..matrix.rows())
         .into_par_iter()
         .map(|row| matrix.row(row).1.iter().map(|v| v.abs()).sum::<f64>())
@@ -129,7 +142,7 @@ fn infinity_norm(matrix: &SparseMatrix) -> f64 {
 }
 
 /// The largest entry of `|φ̄ᵀ M̄ φ̄ − I|`; `None` where sizes do not fit.
-fn gram_defect(mass: &SparseMatrix, coefficients: &DenseMatrix) -> Option<f64> {
+pub(super) fn gram_defect(mass: &SparseMatrix, coefficients: &DenseMatrix) -> Option<f64> {
     let gram = coefficients.transposed_times(&mass.multiply_dense(coefficients));
     let mut worst = 0.0f64;
     for j in 0..gram.columns() {

@@ -115,7 +115,7 @@ fn residuals_are_those_of_the_definition_and_their_norms_are_enclosed() {
         let certificate = case.certify();
         let energy = Energy::new(&case.problem, 0.0, &Unwatched).unwrap();
         let (measures, _) =
-            energy.measure(&case.space, &case.coefficients, &case.ritz, KERNEL, None, &Unwatched).unwrap();
+            energy.measure(&mut case.space, &case.coefficients, &case.ritz, KERNEL, None, &Unwatched).unwrap();
         for (k, x) in lifted(&case).iter().enumerate() {
             let largest = x.iter().fold(0.0f64, |m, v| if v.abs() > m.abs() { *v } else { m });
             assert!(largest > 0.0);
@@ -161,10 +161,10 @@ fn accelerator() -> Option<Accelerator> {
 fn a_graphics_card_measures_what_the_cpu_measures() {
     let Some(accelerator) = accelerator() else { return };
     for (kind, floor) in [(MassKind::Barycentric, 0.0), (MassKind::Consistent, -3.0)] {
-        let case = case(20, 60, 41, kind);
+        let mut case = case(20, 60, 41, kind);
         let energy = Energy::new(&case.problem, floor, &Unwatched).unwrap();
         let (expected, density) =
-            energy.measure(&case.space, &case.coefficients, &case.ritz, KERNEL, Some(1e-3), &Unwatched).unwrap();
+            energy.measure(&mut case.space, &case.coefficients, &case.ritz, KERNEL, Some(1e-3), &Unwatched).unwrap();
         let limits = KernelAndGoal { kernel: KERNEL, goal: Some(1e-3) };
         let space = energy.in_order(&case.space);
         let (found, found_density) = energy
@@ -251,12 +251,13 @@ fn bounds_hold_for_what_are_no_ritz_pairs_and_for_negative_potentials() {
 fn exact_pairs_have_no_residual() {
     let problem = laplace::assemble(&torus(9), MassKind::Barycentric).unwrap();
     let n = problem.stiffness.rows();
-    let all = SparseMatrix::new(n, n, (0..=n).collect(), (0..n as u32).collect(), vec![1.0f32; n]).unwrap();
+    let mut all = SparseMatrix::new(n, n, (0..=n).collect(), (0..n as u32).collect(), vec![1.0f32; n]).unwrap();
     let (s, mass) = problem.restrict(&all, &Unwatched).unwrap();
     let mut pairs = CpuSolver.lowest(s.to_dense(), mass.to_dense(), 20, &Unwatched).unwrap();
     let energy = Energy::new(&problem, 0.0, &Unwatched).unwrap();
     let values = &pairs.values;
-    let certificate = certify(&energy, &problem, &all, &mass, &mut pairs.vectors, values, None, &Unwatched).unwrap().0;
+    let certificate =
+        certify(&energy, &problem, &mut all, &mass, &mut pairs.vectors, values, None, &Unwatched).unwrap().0;
     assert!(certificate.residuals.iter().all(|r| *r < 1e-9), "{:?}", certificate.residuals);
     assert!(certificate.bounds.iter().all(|b| *b < 1e-7));
     assert!(certificate.orthonormality_defect < 1e-11);

@@ -21,6 +21,7 @@ mod corrections;
 mod direct;
 mod measure;
 mod on_device;
+mod part;
 mod rows;
 
 use rayon::prelude::*;
@@ -30,6 +31,7 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 pub(super) use corrections::Corrections;
 pub use direct::{FACTOR_BYTES, MOST_FACTORED};
 pub use measure::Measure;
+pub(super) use part::{PairShare, measures};
 use rows::{Enclosure, PairResidual, Residuals, rounding_weights};
 
 use crate::operator::EigenProblem;
@@ -85,6 +87,10 @@ pub struct Energy<'a> {
     hierarchy: Multigrid,
     /// `S` with its rows in that order, for devices alone: patches have their own rows of it.
     ordered: OnceLock<SparseMatrix>,
+    /// The rows that are measured: all, or those of one part, the first.
+    own: usize,
+    /// Of a part the stiffness that residuals are made of; patches have that of which `y` comes.
+    coupled: Option<SparseMatrix>,
 }
 
 impl<'a> Energy<'a> {
@@ -100,11 +106,12 @@ impl<'a> Energy<'a> {
         let floor = (-floor).max(0.0);
         let hierarchy = Multigrid::new(&stiffness, &mass, floor, monitor)?;
         let rounding = rounding_weights(&stiffness, &lumped);
-        Ok(Self { problem, order, mass, lumped, rounding, floor, hierarchy, ordered: OnceLock::new() })
+        let (own, ordered) = (order.len(), OnceLock::new());
+        Ok(Self { problem, order, mass, lumped, rounding, floor, hierarchy, ordered, own, coupled: None })
     }
 
     /// Measures the pairs with Ritz values `ritz`, ascending, and vectors `space · coefficients`. With a `goal`, also where pairs miss energy whose
-    /// estimated relative error exceeds it. Values up to `kernel` count as zero.
+    /// estimated relative error exceeds it. Values up to `kernel` count as zero. The rows of `space` are in another order meanwhile.
     ///
     /// # Errors
     /// [`Cancelled`], when asked to stop.
@@ -113,7 +120,7 @@ impl<'a> Energy<'a> {
     /// Where sizes do not fit: `space` is `n × d`, `coefficients` `d × m`, and there are `m` Ritz values.
     pub fn measure(
         &self,
-        space: &SparseMatrix<f32>,
+        space: &mut SparseMatrix<f32>,
         coefficients: &DenseMatrix,
         ritz: &[f64],
         kernel: f64,
@@ -126,12 +133,29 @@ impl<'a> Energy<'a> {
             (n, ritz.len()),
             "a row for each unknown, a column for each value"
         );
-        // In the order of the patches: rows all over the memory take three times as long to lift.
-        let space = self.in_order(space);
-        let lifter = RowLifter::new(&space, coefficients);
-        let limits = KernelAndGoal { kernel, goal };
+        // In the order of the patches: rows all over the memory take three times as long to lift. There is one space at a time: of millions of rows it
+        // is as large as the pencil.
+        *space = self.in_order(space);
+        let found = self.measure_in_order(space, coefficients, ritz, KernelAndGoal { kernel, goal }, monitor);
+        let mut places = vec![0u32; n];
+        self.order.iter().zip(0..).for_each(|(&row, place)| places[row as usize] = place);
+        *space = space.select_rows(&places);
+        found
+    }
+
+    /// The same with the rows of `space` in the order of the patches.
+    fn measure_in_order(
+        &self,
+        space: &SparseMatrix<f32>,
+        coefficients: &DenseMatrix,
+        ritz: &[f64],
+        limits: KernelAndGoal,
+        monitor: &dyn Monitor,
+    ) -> Result<(Vec<Measure>, Density), Cancelled> {
+        let n = self.order.len();
+        let lifter = RowLifter::new(space, coefficients);
         if let Some((mut measures, density)) =
-            self.measure_on_device(&gpu::accelerator(), &space, coefficients, ritz, limits, monitor)?
+            self.measure_on_device(&gpu::accelerator(), space, coefficients, ritz, limits, monitor)?
         {
             self.narrow(&lifter, ritz, &mut measures, limits, monitor)?;
             return Ok((measures, density));
@@ -200,25 +224,7 @@ impl<'a> Energy<'a> {
         density: &mut Density,
     ) -> Vec<Measure> {
         let sigma = self.sigma(ritz, limits);
-        let mut enclosed = self.step(workspace, half, sigma, Step { first: true, keep: workspace.keep });
-        let mut kept = workspace.keep;
-        let keep = |workspace: &mut Workspace, kept: &mut bool| {
-            if !*kept {
-                self.step(workspace, half, sigma, Step { first: true, keep: true });
-            }
-            *kept = true;
-        };
-        let mut steps = 1;
-        let close = |enclosed: &Enclosure| {
-            (0..ritz.len()).all(|k| self.is_close(&residuals.pairs[k], &enclosed.of(k), ritz[k], sigma))
-        };
-        while steps < MOST_STEPS && !close(&enclosed) {
-            keep(workspace, &mut kept);
-            enclosed = self.step(workspace, half, sigma, Step { first: false, keep: true });
-            steps += 1;
-        }
-        // The next panel has much the same needs.
-        workspace.keep = steps > 1;
+        let (enclosed, mut kept) = self.enclosed(workspace, half, ritz, residuals, sigma);
         let conclude = |k: usize| self.conclude(&residuals.pairs[k], &enclosed.of(k), ritz[k], sigma);
         let measures: Vec<Measure> = (0..ritz.len()).map(conclude).collect();
         let mut weights = [0.0; CYCLE_WIDTH];
@@ -226,7 +232,7 @@ impl<'a> Energy<'a> {
             *weight = self.weight(measure, *theta, limits);
         }
         if weights.iter().any(|&w| w > 0.0) {
-            keep(workspace, &mut kept);
+            self.keep(workspace, half, sigma, &mut kept, Kept::Answer);
             let density = density.get_or_insert_with(|| vec![0.0; self.order.len()]);
             let rows = density.par_iter_mut().zip(&workspace.y).zip(&workspace.right[half]);
             rows.with_min_len(PATCH_ROWS).for_each(|((sum, y), r)| {
@@ -237,10 +243,42 @@ impl<'a> Energy<'a> {
         measures
     }
 
+    /// Cycles for sixteen residuals, until what they say is close enough, and what they left behind.
+    fn enclosed(
+        &self,
+        workspace: &mut Workspace,
+        half: usize,
+        ritz: &[f64],
+        residuals: &Residuals,
+        sigma: f64,
+    ) -> (Enclosure, Kept) {
+        let mut kept = workspace.keep;
+        let mut enclosed = self.step(workspace, half, sigma, Step { first: true, keep: kept });
+        let mut steps = 1;
+        let close = |enclosed: &Enclosure| {
+            (0..ritz.len()).all(|k| self.is_close(&residuals.pairs[k], &enclosed.of(k), ritz[k], sigma))
+        };
+        while steps < MOST_STEPS && !close(&enclosed) {
+            self.keep(workspace, half, sigma, &mut kept, Kept::Both);
+            enclosed = self.step(workspace, half, sigma, Step { first: false, keep: Kept::Both });
+            steps += 1;
+        }
+        // The next panel has much the same needs.
+        workspace.keep = if steps > 1 { Kept::Both } else { Kept::Nothing };
+        (enclosed, kept)
+    }
+
+    /// Takes the first cycle again where less was kept than is asked for.
+    fn keep(&self, workspace: &mut Workspace, half: usize, sigma: f64, kept: &mut Kept, least: Kept) {
+        if *kept < least {
+            self.step(workspace, half, sigma, Step { first: true, keep: least });
+            *kept = least;
+        }
+    }
+
     /// σ for some pairs.
     fn sigma(&self, ritz: &[f64], limits: KernelAndGoal) -> f64 {
-        let positive = ritz.iter().map(|theta| theta + self.floor).find(|&theta| theta > limits.kernel);
-        SHIFT * positive.unwrap_or(1.0)
+        sigma(ritz, self.floor, limits)
     }
 
     /// Whether a pair needs no other cycle.
@@ -258,22 +296,7 @@ impl<'a> Energy<'a> {
 
     /// What the enclosure says of a pair.
     fn conclude(&self, residual: &PairResidual, enclosed: &EnclosureSums, ritz: f64, sigma: f64) -> Measure {
-        let PairResidual { sums, rounding } = *residual;
-        let below = enclosed.below.max(0.0);
-        let factor = self.mass.lumped_ratio().sqrt();
-        let mass_of_y = enclosed.mass.max(0.0).sqrt();
-        let of_y = enclosed.rounding.sqrt() + MASS_ROUNDING * (sigma + self.floor) * mass_of_y;
-        let excess = factor * ((1.0 + MASS_ROUNDING) * enclosed.excess.sqrt() + of_y) / sigma.sqrt();
-        // Sums in double precision, and what the rounding errors of `Ay` do to `yᵀAy`.
-        let summed = 1e-12 * enclosed.size + factor * mass_of_y * of_y;
-        // By the triangle inequality: what was measured is `r` as it is stored.
-        let stored = factor * rounding / sigma.sqrt();
-        let above = (below + summed + excess * excess).sqrt() + stored;
-        let above_dual = factor * (sums.dual.sqrt() + rounding);
-        let mut measure = Measure { sums, sigma, below: below.sqrt(), above, above_dual, ..Measure::default() };
-        measure.bound = measure.distance(ritz, self.floor);
-        measure.estimate = measure.error(ritz + self.floor, mass_of_y * mass_of_y).min(measure.bound);
-        measure
+        conclude(residual, enclosed, ritz, sigma, (self.floor, self.mass.lumped_ratio()))
     }
 
     /// `r = S x − θ M x` of the panel into `right`, in single precision, with the sums that it enters. `x` is lifted patch by patch and never
@@ -321,25 +344,23 @@ impl<'a> Energy<'a> {
         })
     }
 
-    /// A cycle from zero, or one that improves the `y` that was kept, and the terms of the enclosure for the `y` found. Keeps `y` and `r − Ay`
-    /// if asked to.
+    /// A cycle from zero, or one that improves the `y` that was kept, and the terms of the enclosure for the `y` found. Keeps `y`, or that and
+    /// `r − Ay`, if asked to.
     fn step(&self, workspace: &mut Workspace, half: usize, sigma: f64, step: Step) -> Enclosure {
         let Workspace { right, y, rest, next_y, next_rest, cycle, .. } = workspace;
         let right = &right[half];
-        if step.keep {
-            next_y.resize(right.len(), [0.0; CYCLE_WIDTH]);
-            next_rest.resize(right.len(), [0.0; CYCLE_WIDTH]);
-        }
-        let source: &[CycleRow] = if step.first { right } else { rest };
+        // A first cycle looks at nothing that was kept before, and puts what it finds in its place.
+        let (to_y, to_rest) = if step.first { (&mut *y, &mut *rest) } else { (&mut *next_y, &mut *next_rest) };
+        let (mut new_y, mut new_rest) = (std::mem::take(to_y), std::mem::take(to_rest));
+        let (before, source): (&[CycleRow], &[CycleRow]) = if step.first { (&[], right) } else { (y, rest) };
         let patches = self.hierarchy.patches();
-        let kept: Vec<(&mut [CycleRow], &mut [CycleRow])> = match step.keep {
-            true => by_patch(patches, next_y).into_iter().zip(by_patch(patches, next_rest)).collect(),
-            false => patches.iter().map(|_| (&mut [][..], &mut [][..])).collect(),
-        };
+        let kept_y = places(patches, &mut new_y, right.len(), step.keep >= Kept::Answer);
+        let kept_rest = places(patches, &mut new_rest, right.len(), step.keep >= Kept::Both);
+        let kept = kept_y.into_iter().zip(kept_rest).collect();
         let parts = self.hierarchy.cycle(sigma as f32, source, cycle, kept, |patch, improved, (kept, rest)| {
             if !step.first {
                 for (correction, &vertex) in improved.iter_mut().zip(patch.vertices(1)) {
-                    correction.iter_mut().zip(&y[vertex as usize]).for_each(|(correction, y)| *correction += y);
+                    correction.iter_mut().zip(&before[vertex as usize]).for_each(|(correction, y)| *correction += y);
                 }
             }
             kept.copy_from_slice(&improved[..kept.len()]);
@@ -347,10 +368,10 @@ impl<'a> Energy<'a> {
             self.enclose(patch, improved, &right[patch.rows()], sigma, &mut found, rest);
             found
         });
-        if step.keep {
-            std::mem::swap(y, next_y);
-            std::mem::swap(rest, next_rest);
+        if !step.first {
+            (*next_y, *next_rest) = (std::mem::take(y), std::mem::take(rest));
         }
+        (*y, *rest) = (new_y, new_rest);
         parts.iter().fold(Enclosure::default(), |mut found, part| {
             found.add(part);
             found
@@ -358,11 +379,63 @@ impl<'a> Energy<'a> {
     }
 }
 
+/// σ for some pairs of an operator whose eigenvalues are no less than `−floor`.
+fn sigma(ritz: &[f64], floor: f64, limits: KernelAndGoal) -> f64 {
+    let positive = ritz.iter().map(|theta| theta + floor).find(|&theta| theta > limits.kernel);
+    SHIFT * positive.unwrap_or(1.0)
+}
+
+/// What the enclosure says of a pair, where the lumped mass is at most so many times the mass.
+fn conclude(
+    residual: &PairResidual,
+    enclosed: &EnclosureSums,
+    ritz: f64,
+    sigma: f64,
+    (floor, lumped_ratio): (f64, f64),
+) -> Measure {
+    let PairResidual { sums, rounding } = *residual;
+    let below = enclosed.below.max(0.0);
+    let factor = lumped_ratio.sqrt();
+    let mass_of_y = enclosed.mass.max(0.0).sqrt();
+    let of_y = enclosed.rounding.sqrt() + MASS_ROUNDING * (sigma + floor) * mass_of_y;
+    let excess = factor * ((1.0 + MASS_ROUNDING) * enclosed.excess.sqrt() + of_y) / sigma.sqrt();
+    // Sums in double precision, and what the rounding errors of `Ay` do to `yᵀAy`.
+    let summed = 1e-12 * enclosed.size + factor * mass_of_y * of_y;
+    // By the triangle inequality: what was measured is `r` as it is stored.
+    let stored = factor * rounding / sigma.sqrt();
+    let above = (below + summed + excess * excess).sqrt() + stored;
+    let above_dual = factor * (sums.dual.sqrt() + rounding);
+    let mut measure = Measure { sums, sigma, below: below.sqrt(), above, above_dual, ..Measure::default() };
+    measure.bound = measure.distance(ritz, floor);
+    measure.estimate = measure.error(ritz + floor, mass_of_y * mass_of_y).min(measure.bound);
+    measure
+}
+
 /// How a cycle is taken.
 #[derive(Clone, Copy)]
 struct Step {
     first: bool,
-    keep: bool,
+    keep: Kept,
+}
+
+/// What a cycle leaves behind.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Kept {
+    /// Sums alone.
+    Nothing,
+    /// `y`.
+    Answer,
+    /// `y` and `r − Ay`, which another cycle begins with.
+    Both,
+}
+
+/// Where each patch puts its rows of what is kept, with memory for so many; empty where nothing is.
+fn places<'a>(patches: &[Patch], rows: &'a mut Vec<CycleRow>, count: usize, wanted: bool) -> Vec<&'a mut [CycleRow]> {
+    if !wanted {
+        return patches.iter().map(|_| &mut [][..]).collect();
+    }
+    rows.resize(count, [0.0; CYCLE_WIDTH]);
+    by_patch(patches, rows)
 }
 
 /// Nine sums of sixteen pairs, for each half of a panel.
@@ -379,8 +452,8 @@ struct Workspace {
     /// The panel on a patch and its first ring, one for each thread.
     lifted: Spare<Vec<[f64; LIFT_WIDTH]>>,
     right: [Vec<CycleRow>; HALVES],
-    /// Whether the first cycle keeps what a second one begins with.
-    keep: bool,
+    /// What the first cycle keeps.
+    keep: Kept,
     y: Vec<CycleRow>,
     rest: Vec<CycleRow>,
     next_y: Vec<CycleRow>,
@@ -395,7 +468,7 @@ impl Workspace {
             shared,
             lifted: Spare::default(),
             right: std::array::from_fn(|_| vec![[0.0; CYCLE_WIDTH]; n]),
-            keep: false,
+            keep: Kept::Nothing,
             y: Vec::new(),
             rest: Vec::new(),
             next_y: Vec::new(),

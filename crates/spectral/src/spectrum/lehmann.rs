@@ -204,7 +204,14 @@ fn anchor(
     let mut found = (f64::NAN, 0, f64::INFINITY);
     for shift in gaps(values, estimates, places) {
         monitor.checkpoint()?;
-        let (below, radius) = pencil.count(shift)?;
+        let (below, radius) = match pencil.count(shift) {
+            // On an eigenvalue, as where many coincide and there is no gap.
+            Err(ApproximationError::Factor(_)) => {
+                found.0 = shift;
+                continue;
+            }
+            counted => counted?,
+        };
         found = (shift, below, radius);
         if below == values.partition_point(|&value| value < shift) {
             break;

@@ -20,9 +20,10 @@ mod refine;
 mod shifted;
 pub mod vibration;
 
+pub use approximate::parts as approximate_parts;
 pub use approximate::{
-    ApproximationError, ApproximationParameters, FEW_VERTICES, Goal, MOST_COUNTED_IN_SOLID, MOST_ROUNDS, Space,
-    approximate, dimension_for, most_columns, most_initial_columns, subspace,
+    ApproximationError, ApproximationParameters, FEW_VERTICES, Goal, MEASURED_IN_PARTS_FROM, MOST_COUNTED_IN_SOLID,
+    MOST_ROUNDS, ROWS_OF_PART, Space, approximate, dimension_for, most_columns, most_initial_columns, subspace,
 };
 pub use domain::Domain;
 pub use energy::{FACTOR_BYTES, MOST_FACTORED, SHARED_FROM};

@@ -246,7 +246,7 @@ impl HatchingRequest {
         let hatched = HatchedLines { lines: &lines, kinds, crossing: &crossing, levels: parameters.levels };
         let style =
             HatchingStyle { stroke: self.stroke, swelling: self.pen == Pen::Swelling, tone, outline: self.outline };
-        let drawing = hatch(surface, hatched, &camera, &style).ok_or_else(sees_nothing)?;
+        let drawing = hatch(surface, hatched, &camera, &style, monitor)?.ok_or_else(sees_nothing)?;
         Ok((drawing, lines.len() + crossing.len()))
     }
 }

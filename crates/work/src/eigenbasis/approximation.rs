@@ -8,9 +8,9 @@ use chladni_spectral::operator::{MassKind, MeshOperator, OperatorKind};
 use chladni_spectral::spectrum::heat::HeatParameters;
 use chladni_spectral::spectrum::radial::RadialParameters;
 use chladni_spectral::spectrum::{
-    ApproximationError, ApproximationParameters, Domain, FACTOR_BYTES, FEW_VERTICES, Goal, MOST_COUNTED_IN_SOLID,
-    MOST_FACTORED, MOST_ROUNDS, Refined, Refinement, SHARED_FROM, Space, approximate, approximate_refined,
-    dimension_for, most_columns, most_initial_columns,
+    ApproximationError, ApproximationParameters, Domain, FACTOR_BYTES, FEW_VERTICES, Goal, MEASURED_IN_PARTS_FROM,
+    MOST_COUNTED_IN_SOLID, MOST_FACTORED, MOST_ROUNDS, ROWS_OF_PART, Refined, Refinement, SHARED_FROM, Space,
+    approximate, approximate_refined, dimension_for, most_columns, most_initial_columns,
 };
 use serde::{Deserialize, Serialize};
 
@@ -131,9 +131,7 @@ impl Approximate {
         seed: u64,
         monitor: &dyn Monitor,
     ) -> Result<Basis, JobError> {
-        let Self { count, dimension, space, .. } = *self;
-        let parameters =
-            ApproximationParameters { count, dimension, space, goal: Some(self.goal()), certify: self.certify, seed };
+        let parameters = self.parameters(seed);
         let Some((refinement, precision)) = self.refinement else {
             return dense_where_smaller(approximate(domain, operator, &parameters, monitor)?, monitor);
         };
@@ -153,6 +151,24 @@ impl Approximate {
             },
             metadata: serde_json::json!({}),
         })
+    }
+
+    /// What the approximation is asked for.
+    pub(super) fn parameters(&self, seed: u64) -> ApproximationParameters {
+        let Self { count, dimension, space, certify, .. } = *self;
+        ApproximationParameters { count, dimension, space, goal: Some(self.goal()), certify, seed }
+    }
+
+    /// The vertices that pairs are measured on at a time: of the largest surfaces some, with their neighbours.
+    fn measured_at_once(&self, vertices: u64) -> u64 {
+        let in_parts = vertices >= MEASURED_IN_PARTS_FROM as u64 && !self.certify;
+        if in_parts { (ROWS_OF_PART + ROWS_OF_PART / 10) as u64 } else { vertices }
+    }
+
+    /// What it takes more to measure pairs in one piece where surfaces as large are measured in parts.
+    pub(super) fn bytes_of_one_piece(&self, vertices: u64) -> u64 {
+        let left = vertices.saturating_sub(self.measured_at_once(vertices));
+        left * (260 + 800 * panels_at_once(vertices, self.count as u64))
     }
 
     /// The goal. The thesis' construction is taken as it is, and judged, unless a goal is asked for in so many words.
@@ -188,7 +204,7 @@ impl Approximate {
             // Where eigenfunctions may be hidden, they are counted.
             factor_bytes_in_solid(vertices.min(MOST_COUNTED_IN_SOLID as u64))
         };
-        self.memory_bytes(vertices) + wider + factor
+        self.memory_bytes(vertices) + self.bytes_of_one_piece(vertices) + wider + factor
     }
 
     /// An estimate of the memory that the work needs beside mesh and operator, in bytes: the basis per vertex, the dense problem per
@@ -208,10 +224,14 @@ impl Approximate {
             Space::Heat(heat) if heat.for_few_vertices().is_some() && vertices < FEW_VERTICES as u64 * d => 50,
             _ => 25,
         };
-        let compact = products + vertices * entries * 2 * 8 + vertices * 22 * 8 + d * d * 8 * 5 + d * m * 8 * 2;
+        let start = vertices * 22 * 8;
+        let compact = products + vertices * entries * 2 * 8 + d * d * 8 * 5 + d * m * 8 * 2;
         // Bounds: the pencil once more and its hierarchy, and panels of 32 pairs with what a cycle needs.
         let panels = panels_at_once(vertices, m);
-        let compact = compact + vertices * (260 + 800 * panels);
+        let at_once = self.measured_at_once(vertices);
+        let measured = at_once * (260 + 800 * panels);
+        // What columns begin with is gone by then.
+        let compact = compact + if at_once < vertices { start.max(measured) } else { start + measured };
         // Where a bound is wide on a problem of moderate size, a factor, and a panel of solutions on each thread.
         let factored =
             if vertices <= MOST_FACTORED as u64 { vertices * (FACTOR_BYTES + 2 * 7 * 16 + 512 * panels) } else { 0 };
@@ -241,7 +261,7 @@ fn factor_bytes_in_solid(vertices: u64) -> u64 {
 }
 
 /// A compact basis, unless its eigenfunctions themselves take less: few vertices for the dimension.
-fn dense_where_smaller(mut basis: Basis, monitor: &dyn Monitor) -> Result<Basis, JobError> {
+pub(super) fn dense_where_smaller(mut basis: Basis, monitor: &dyn Monitor) -> Result<Basis, JobError> {
     if let Functions::Compact(compact) = &basis.functions
         && basis.stored_bytes() > basis.dense_bytes()
     {

@@ -36,9 +36,9 @@ impl utoipa::PartialSchema for Parts {
     fn schema() -> utoipa::openapi::RefOr<utoipa::openapi::schema::Schema> {
         use utoipa::openapi::schema::{ObjectBuilder, OneOfBuilder, Schema, Type};
         let word = ObjectBuilder::new().schema_type(Type::String).enum_values(Some(["auto"]));
-        let word = word.description(Some("As many as there are workers for, of about 250 pairs or more; where there is one worker, the job stays whole."));
+        let word = word.description(Some("As many as there are workers for, of about 250 pairs or half a million vertices or more; where there is one worker, the job stays whole."));
         let number = ObjectBuilder::new().schema_type(Type::Integer).minimum(Some(1)).maximum(Some(MOST_PARTS as u64));
-        let number = number.description(Some("So many, of 64 pairs at least."));
+        let number = number.description(Some("So many, of 64 pairs at least where they are of the spectrum."));
         Schema::OneOf(OneOfBuilder::new().item(word).item(number).build()).into()
     }
 }
@@ -145,8 +145,12 @@ mod tests {
     #[test]
     fn what_cannot_be_divided_says_so_before_it_is_enqueued() {
         for (parameters, words) in [
-            (json!({"method": "sim", "count": 300, "parts": 2}), "belongs to the method \"hsim\""),
-            (json!({"method": "approximate", "count": 300, "parts": 2}), "belongs to the method \"hsim\""),
+            (json!({"method": "sim", "count": 300, "parts": 2}), "belongs to the method \"hsim\" and \"approximate\""),
+            (json!({"method": "approximate", "certify": true, "parts": 2}), "\"certify\""),
+            (json!({"method": "approximate", "refinement": "inverse_iteration", "parts": 2}), "\"refinement\""),
+            (json!({"method": "approximate", "mass": "consistent", "parts": 2}), "\"mass\""),
+            (json!({"method": "approximate", "operator": "robust", "parts": "auto"}), "\"operator\""),
+            (json!({"method": "approximate", "operator": "volume", "parts": "auto"}), "\"operator\""),
             (json!({"variant": "published", "count": 300, "parts": 2}), "\"method\""),
             (json!({"storage": "compact", "count": 300, "parts": "auto"}), "\"storage\""),
             (json!({"operator": "graph", "count": 300, "parts": "auto"}), "\"operator\""),

@@ -16,7 +16,7 @@ use chladni_mesh::points::{are_points, once_each};
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::{Basis, Product};
 use chladni_spectral::operator::{
-    self, MeshOperator, OperatorError, OperatorKind, OperatorParameters, Potential, points,
+    self, MassKind, MeshOperator, OperatorError, OperatorKind, OperatorParameters, Potential, points,
 };
 use chladni_spectral::spectrum::heat::HeatParameters;
 use serde_json::Value;
@@ -252,14 +252,19 @@ impl EigenbasisParameters {
         let (n, f) = (vertices as u64, faces as u64);
         let mesh = 24 * n + 12 * f;
         let operator = n * (7 * 12 + 8 + 8) + n * (6 * 12 + 8) + f * 12;
+        // What does not fall apart into triangles is measured in one piece.
+        let falls_apart = self.operator.mass != MassKind::Consistent && parts::is_of_triangles(&self.operator.operator);
+        let approximated = |approximate: &Approximate| {
+            approximate.memory_bytes(n) + if falls_apart { 0 } else { approximate.bytes_of_one_piece(n) }
+        };
         let method = match &self.method {
             // What misses its goal is computed exactly after all.
             Method::Auto(auto) if auto.is_exact(vertices) => operator + auto.exact.memory_bytes(n),
             Method::Auto(auto) if Auto::may_become_exact(auto.exact.memory_bytes(n)) => {
-                auto.approximate.memory_bytes(n).max(operator + auto.exact.memory_bytes(n))
+                approximated(&auto.approximate).max(operator + auto.exact.memory_bytes(n))
             }
-            Method::Auto(Auto { approximate, .. }) => approximate.memory_bytes(n),
-            Method::Approximate(approximate) => approximate.memory_bytes(n),
+            Method::Auto(Auto { approximate, .. }) => approximated(approximate),
+            Method::Approximate(approximate) => approximated(approximate),
             Method::Exact(exact) if self.is_hodge() => hodge::memory_bytes(exact, n, f),
             // The problem is kept a second time, renumbered.
             Method::Exact(exact) => operator + exact.memory_bytes(n),

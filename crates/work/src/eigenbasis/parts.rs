@@ -7,12 +7,15 @@ use chladni_base::{Monitor, StageClock};
 use chladni_mesh::points::are_points;
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::{Basis, EIGENBASIS_PART, Part, Product};
+use chladni_spectral::operator::{MassKind, MeshOperator, OperatorKind};
+use chladni_spectral::spectrum::approximate_parts;
 use chladni_spectral::spectrum::hsim::parts::{PartError, Parted};
 use chladni_spectral::spectrum::hsim::{HsimParameters, Variant, Wanted};
 
 use serde_json::{Value, json};
 
-use super::{EigenbasisParameters, Exact, Method, Parts, StorageKind, value};
+use super::approximation::dense_where_smaller;
+use super::{Approximate, EigenbasisParameters, Exact, Method, Parts, StorageKind, value};
 use crate::{JobError, JobParameters, MeshSize, Outcome, ParameterError, SOLVER_VERSION, hash_of};
 
 /// Pairs that slices have beyond their share, those of their neighbours and guards.
@@ -33,64 +36,128 @@ pub type PartSource<'a> = dyn FnMut(usize) -> Result<Part, PartError> + 'a;
 impl EigenbasisParameters {
     /// The same job, divided.
     pub(super) fn in_parts(mut self, parts: Parts) -> Result<Self, ParameterError> {
-        let exact = self.divisible()?;
-        let pairs = match exact.solver.wanted {
-            Wanted::Count(count) => Some(count),
-            // How many there are is not known before they are counted.
-            Wanted::Below { .. } | Wanted::Between { .. } => None,
+        self.parts = match self.divisible()? {
+            Divisible::Spectrum(exact) => parts.checked(match exact.solver.wanted {
+                Wanted::Count(count) => Some(count),
+                // How many there are is not known before they are counted.
+                Wanted::Below { .. } | Wanted::Between { .. } => None,
+            })?,
+            // How many parts the surface makes is not known before it is there.
+            Divisible::Surface(_) => parts.checked(None)?,
         };
-        self.parts = parts.checked(pairs)?;
         Ok(self)
     }
 
     /// The method, where it can be divided.
-    fn divisible(&self) -> Result<&Exact, ParameterError> {
+    fn divisible(&self) -> Result<Divisible<'_>, ParameterError> {
         let refused = |name: &'static str, reason: &str| Err(value(name, format!("{reason} is not solved in parts")));
-        let exact = match &self.method {
-            Method::Exact(exact) if exact.solver.variant == Variant::Sliced => exact,
-            _ => return refused("method", "what is not of the method \"hsim\", variant \"sliced\","),
+        let method = match &self.method {
+            Method::Exact(exact) if exact.solver.variant == Variant::Sliced => Divisible::Spectrum(exact),
+            Method::Approximate(approximate) => Divisible::Surface(approximate),
+            _ => {
+                return refused(
+                    "method",
+                    "what is neither of the method \"approximate\" nor of \"hsim\", variant \"sliced\",",
+                );
+            }
         };
         if self.is_hodge() || self.is_nested() {
             return refused("operator", "an operator that is not of a surface");
         }
-        if exact.storage == StorageKind::Compact {
-            return refused("storage", "what is stored compactly");
+        match method {
+            Divisible::Spectrum(exact) if exact.storage == StorageKind::Compact => {
+                refused("storage", "what is stored compactly")
+            }
+            Divisible::Surface(approximate) if approximate.certify => refused("certify", "a count of eigenvalues"),
+            Divisible::Surface(approximate) if approximate.refinement.is_some() => {
+                refused("refinement", "a refinement")
+            }
+            Divisible::Surface(_) if self.operator.mass == MassKind::Consistent => {
+                refused("mass", "an approximation with a consistent mass")
+            }
+            Divisible::Surface(_) if !is_of_triangles(&self.operator.operator) => {
+                refused("operator", "an approximation of another operator than the Laplacian by cotangents")
+            }
+            method => Ok(method),
         }
-        Ok(exact)
     }
 
     /// Bytes that a job needs beside those of a whole one to join its parts: one as it was stored, and decoded.
     pub(super) fn joined_bytes(&self, vertices: usize) -> u64 {
         let Some(parts) = self.parts else { return 0 };
+        if let Method::Approximate(_) = &self.method {
+            // A part's rows of the subspace as they were stored, beside the same rows decoded.
+            return 2 * 8 * 50 * vertices as u64;
+        }
         let parts = parts.number().map_or(2, NonZeroUsize::get);
         let share = (self.most_pairs().div_ceil(parts) + BESIDE).min(vertices);
         2 * 8 * (vertices * share) as u64
     }
 
-    /// Does some work with the problem divided, by a version of the solver.
-    fn with_parts<T>(
+    /// Does some work with the operator.
+    fn with_operator<T>(
         &self,
         mesh: &TriangleMesh,
-        (parts, version): (Option<NonZeroUsize>, &str),
         monitor: &dyn Monitor,
-        work: impl FnOnce(&Exact, Parted<'_>, &super::MeshOperator) -> Result<T, JobError>,
+        work: impl FnOnce(&TriangleMesh, &MeshOperator) -> Result<T, JobError>,
     ) -> Result<T, JobError> {
-        let exact = self.divisible()?;
         if are_points(mesh) {
             self.operator.check_points()?;
         }
-        let local;
-        let (operator, mesh) = match self.points(mesh, monitor)? {
-            Some((operator, triangles)) => {
-                local = triangles;
-                (operator, &local)
-            }
-            None => (self.assemble(mesh, None, monitor)?, mesh),
-        };
-        let solver = HsimParameters { seed: self.seed, ..exact.solver };
-        let parts = parts.map(NonZeroUsize::get);
-        let parted = Parted::new(mesh, &operator.problem, &solver, parts, version, monitor)?;
-        work(exact, parted, &operator)
+        match self.points(mesh, monitor)? {
+            Some((operator, triangles)) => work(&triangles, &operator),
+            None => work(mesh, &self.assemble(mesh, None, monitor)?),
+        }
+    }
+
+    /// Into how many parts the problem is divided, where so many are asked for or none.
+    fn natural_parts(
+        &self,
+        mesh: &TriangleMesh,
+        parts: Option<NonZeroUsize>,
+        monitor: &dyn Monitor,
+    ) -> Result<usize, JobError> {
+        let (method, parts) = (self.divisible()?, parts.map(NonZeroUsize::get));
+        self.with_operator(mesh, monitor, |mesh, operator| {
+            let natural = match method {
+                Divisible::Spectrum(exact) => {
+                    let solver = HsimParameters { seed: self.seed, ..exact.solver };
+                    Parted::new(mesh, &operator.problem, &solver, parts, SOLVER_VERSION, monitor)?.plan().parts
+                }
+                Divisible::Surface(approximate) => {
+                    let parameters = approximate.parameters(self.seed);
+                    let of =
+                        approximate_parts::Parted::new(mesh, operator, &parameters, parts, SOLVER_VERSION, monitor);
+                    of?.plan().parts
+                }
+            };
+            Ok(natural)
+        })
+    }
+
+    /// Solves one of so many parts, as by a version of the solver.
+    fn part(
+        &self,
+        mesh: &TriangleMesh,
+        (number, parts): (usize, NonZeroUsize),
+        version: &str,
+        monitor: &dyn Monitor,
+    ) -> Result<Part, JobError> {
+        let (method, parts) = (self.divisible()?, Some(parts.get()));
+        self.with_operator(mesh, monitor, |mesh, operator| {
+            let part = match method {
+                Divisible::Spectrum(exact) => {
+                    let solver = HsimParameters { seed: self.seed, ..exact.solver };
+                    Parted::new(mesh, &operator.problem, &solver, parts, version, monitor)?.solve(number)?
+                }
+                Divisible::Surface(approximate) => {
+                    let parameters = approximate.parameters(self.seed);
+                    approximate_parts::Parted::new(mesh, operator, &parameters, parts, version, monitor)?
+                        .solve(number)?
+                }
+            };
+            Ok(part)
+        })
     }
 
     /// Joins parts of the problem.
@@ -102,13 +169,38 @@ impl EigenbasisParameters {
         part: &mut PartSource<'_>,
         monitor: &dyn Monitor,
     ) -> Result<Basis, JobError> {
-        self.with_parts(mesh, (Some(parts), version), monitor, |exact, parted, operator| {
-            let pairs = parted.join(part)?;
-            let mut basis = exact.stored(pairs, operator, monitor)?;
+        let (method, parts) = (self.divisible()?, Some(parts.get()));
+        self.with_operator(mesh, monitor, |mesh, operator| {
+            let mut basis = match method {
+                Divisible::Spectrum(exact) => {
+                    let solver = HsimParameters { seed: self.seed, ..exact.solver };
+                    let parted = Parted::new(mesh, &operator.problem, &solver, parts, version, monitor)?;
+                    exact.stored(parted.join(part)?, operator, monitor)?
+                }
+                Divisible::Surface(approximate) => {
+                    let parameters = approximate.parameters(self.seed);
+                    let parted = approximate_parts::Parted::new(mesh, operator, &parameters, parts, version, monitor)?;
+                    dense_where_smaller(parted.join(part)?, monitor)?
+                }
+            };
             self.describe(&mut basis, operator, self.method_name().name(), solid);
             Ok(basis)
         })
     }
+}
+
+/// What is divided of a problem.
+#[derive(Clone, Copy)]
+enum Divisible<'a> {
+    /// The pairs, by their index.
+    Spectrum(&'a Exact),
+    /// The vertices.
+    Surface(&'a Approximate),
+}
+
+/// Whether an operator may turn out to be the Laplacian by cotangents.
+pub(super) fn is_of_triangles(operator: &OperatorKind) -> bool {
+    matches!(operator, OperatorKind::Auto | OperatorKind::Laplace | OperatorKind::Polygon)
 }
 
 impl JobParameters {
@@ -141,9 +233,7 @@ impl JobParameters {
         }
         monitor.stage("plan");
         let parameters = self.divided(mesh, solid)?;
-        let planned =
-            parameters.with_parts(mesh, (asked, SOLVER_VERSION), monitor, |_, parted, _| Ok(parted.plan().parts));
-        match planned {
+        match parameters.natural_parts(mesh, asked, monitor) {
             Ok(natural) => {
                 let parts = asked.map_or(natural.min(workers).min(super::MOST_PARTS), NonZeroUsize::get);
                 Ok(Ok(NonZeroUsize::new(parts).filter(|parts| parts.get() > 1)))
@@ -168,7 +258,7 @@ impl JobParameters {
     ) -> Result<Outcome, JobError> {
         self.check_mesh(MeshSize::of_body(mesh, solid))?;
         self.outcome(mesh, monitor, |clock| {
-            clock.note(FALLBACKS, &format!("parts of the spectrum: {reason}"));
+            clock.note(FALLBACKS, &format!("in parts: {reason}"));
             self.work().run_body(mesh, solid, clock)
         })
     }
@@ -187,7 +277,13 @@ impl JobParameters {
     /// An estimate of the memory that one of so many parts needs, in bytes.
     pub fn part_memory_bytes(&self, mesh: MeshSize, parts: NonZeroUsize) -> u64 {
         let Self::Eigenbasis(parameters) = self else { return self.memory_bytes(mesh) };
-        let Method::Exact(exact) = &parameters.method else { return self.memory_bytes(mesh) };
+        let exact = match &parameters.method {
+            Method::Exact(exact) => exact,
+            // Columns are made of the whole surface; its own rows are written beside.
+            _ => {
+                return Self::Eigenbasis(EigenbasisParameters { parts: None, ..parameters.clone() }).memory_bytes(mesh);
+            }
+        };
         let share = exact.most_pairs().div_ceil(parts.get()) + BESIDE;
         let solver = HsimParameters { wanted: Wanted::Count(share.min(exact.most_pairs())), ..exact.solver };
         let method = Method::Exact(Exact { solver, ..exact.clone() });
@@ -223,8 +319,7 @@ impl JobParameters {
     ) -> Result<MadePart, JobError> {
         let parameters = self.divided(mesh, solid)?;
         let clock = StageClock::new(monitor);
-        let part =
-            parameters.with_parts(mesh, (Some(parts), version), &clock, |_, parted, _| Ok(parted.solve(number)?))?;
+        let part = parameters.part(mesh, (number, parts), version, &clock)?;
         Ok(MadePart { part, seconds: clock.finish() })
     }
 
@@ -360,10 +455,26 @@ mod tests {
     }
 
     #[test]
+    fn parts_of_a_surface_are_joined_to_the_basis_of_the_job() {
+        let mesh = generate(Shape::Genus(2), 3000).unwrap();
+        let parameters = json!({"method": "approximate", "count": 45, "dimension": 46, "accuracy": {"goal": 0.5}});
+        let job = job(parameters);
+        let whole = job.run(&mesh, &Unwatched).unwrap().product.into_eigenbasis().unwrap();
+        let made: Vec<Part> =
+            (0..3).map(|number| job.solve_part(&mesh, None, (number, parts(3)), &Unwatched).unwrap().part).collect();
+        let joined = job.join_parts(&mesh, None, parts(3), &mut |number| Ok(made[number].clone()), &Unwatched);
+        let joined = joined.unwrap().product.into_eigenbasis().unwrap();
+        for (k, (a, b)) in joined.eigenvalues.iter().zip(&whole.eigenvalues).enumerate() {
+            assert!((a - b).abs() <= 1e-9 * b.abs(), "pair {k} is {a}, not {b}");
+        }
+        assert_eq!(joined.metadata, whole.metadata);
+    }
+
+    #[test]
     fn what_is_not_solved_in_parts_is_named() {
         let mesh = generate(Shape::Sphere, 1200).unwrap();
         for (parameters, name) in [
-            (json!({"method": "approximate", "count": 130}), "\"method\""),
+            (json!({"method": "approximate", "certify": true}), "\"certify\""),
             (json!({"count": 130}), "\"method\""),
             (json!({"method": "sim", "count": 130}), "\"method\""),
             (json!({"method": "hsim", "variant": "published", "count": 130}), "\"method\""),

@@ -136,9 +136,10 @@ pub struct Request {
     #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 4, example = 1.5))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub subspace_factor: Option<f64>,
-    /// Into how many parts a server divides the job, for several workers to solve at once: a number of parts of 64 pairs at least, or `auto`. The job
-    /// waits for its parts without a worker, and joins them. Not divided, unless it is given; the result is the same but for rounding. Of the variant
-    /// `sliced`, on surfaces, stored as columns.
+    /// Into how many parts a server divides the job, for several workers to solve at once: a number, or `auto`. The job waits for its parts without a
+    /// worker, and joins them. Not divided, unless it is given. Of `hsim` in the variant `sliced`, on surfaces, stored as columns: parts of 64 pairs
+    /// at least, with the same result but for rounding. Of `approximate`, for the Laplacian by cotangents with a lumped mass: parts of the surface,
+    /// with the same pairs and somewhat wider bounds.
     #[cfg_attr(feature = "schema", schema(inline))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub parts: Option<Parts>,
@@ -159,6 +160,7 @@ pub struct Request {
 const APPROXIMATE: &[MethodName] = &[MethodName::Approximate];
 const HSIM: &[MethodName] = &[MethodName::Hsim];
 const SIM: &[MethodName] = &[MethodName::Sim];
+const DIVISIBLE: &[MethodName] = &[MethodName::Hsim, MethodName::Approximate];
 const EXACT: &[MethodName] = &[MethodName::Hsim, MethodName::Sim];
 
 /// The members that not every method takes, with those that do.
@@ -181,7 +183,7 @@ const BELONGINGS: &[(&str, &[MethodName])] = &[
     ("shift_ratio", HSIM),
     ("subspace_factor", EXACT),
     ("storage", EXACT),
-    ("parts", HSIM),
+    ("parts", DIVISIBLE),
 ];
 
 /// Whether a method, by its name on the wire, takes a member.
@@ -229,6 +231,7 @@ impl Request {
         } else if any_of(HSIM)
             || any_of(EXACT)
             || self.precision.is_some()
+            || self.parts.is_some()
             || self.operator.as_ref().is_some_and(|own| matches!(own, OperatorKind::Hodge | OperatorKind::Graph))
         {
             MethodName::Hsim

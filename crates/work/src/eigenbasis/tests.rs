@@ -158,6 +158,17 @@ fn the_estimate_of_memory_covers_what_was_measured() {
         let estimate = megabytes(parameters.clone(), vertices);
         assert!((measured..2.5 * measured).contains(&estimate), "{parameters}: {estimate} for {measured}");
     }
+    // The largest surfaces are measured in parts (docs/decisions/0122), unless pairs are to be enclosed or the operator does not fall apart.
+    let approximate = |more: Value| {
+        let mut parameters = json!({"method": "approximate", "count": 500});
+        parameters.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+        megabytes(parameters, 8_597_954)
+    };
+    let in_parts = approximate(json!({}));
+    assert!((6140.0..9000.0).contains(&in_parts), "{in_parts}");
+    for whole in [json!({"certify": true}), json!({"mass": "consistent"}), json!({"operator": "robust"})] {
+        assert!(approximate(whole.clone()) > 13_600.0, "{whole}");
+    }
     let counted = megabytes(json!({"method": "hsim", "count": 50}), 655_000);
     assert_eq!(megabytes(json!({"method": "hsim", "below": 1.0, "at_most": 50}), 655_000), counted);
 }

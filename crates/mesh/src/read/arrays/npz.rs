@@ -76,6 +76,11 @@ fn member<'a>(
     let start = file.data_start().and_then(|start| usize::try_from(start).ok()).ok_or_else(short)?;
     let length = usize::try_from(file.compressed_size()).map_err(|_| short())?;
     let data = start.checked_add(length).and_then(|end| bytes.get(start..end)).ok_or_else(short)?;
+    drop(file);
+    // To its end, where its checksum is compared.
+    let mut whole = archive.by_index(index).map_err(damaged)?;
+    std::io::copy(&mut whole, &mut std::io::sink())
+        .map_err(|error| refuse(format!("the array `{name}` is damaged: {error}")))?;
     Array::parse(name, data).map(Some)
 }
 
@@ -196,6 +201,21 @@ mod tests {
         ]);
         assert_eq!(a, b);
         assert_eq!((a.as_ref().unwrap().faces[0], a.as_ref().unwrap().positions[2]), ([0, 1, 2], [0.0, 1.0, 0.5]));
+    }
+
+    #[test]
+    fn a_bit_that_flipped_is_noticed_by_the_checksum_of_its_array() {
+        let rows = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.5];
+        let mut bytes = archive(&[
+            ("vertices", npy("<f8", false, "3, 3", &of(&rows, f64::to_le_bytes))),
+            ("faces", npy("<i4", false, "1, 3", &of(&[0i32, 1, 2], i32::to_le_bytes))),
+        ]);
+        assert!(super::read(&bytes, &ReadLimits::default()).is_ok());
+        let half = 0.5f64.to_le_bytes();
+        let at = bytes.windows(8).position(|window| window == half).unwrap();
+        bytes[at + 3] ^= 1;
+        let refused = super::read(&bytes, &ReadLimits::default()).unwrap_err().to_string();
+        assert!(refused.contains("`vertices` is damaged"), "{refused}");
     }
 
     #[test]

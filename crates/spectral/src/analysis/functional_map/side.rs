@@ -21,6 +21,7 @@ pub(in crate::analysis) struct Side<'a> {
 
 impl<'a> Side<'a> {
     pub fn new(basis: &'a Basis, landmarks: Vec<u32>) -> Result<Self, AnalysisError> {
+        error::lowest(basis)?;
         let masses = basis.mass.lumped();
         let area: f64 = masses.iter().sum();
         error::positive("area", area)?;

@@ -4,6 +4,7 @@
 //! darkness on the lines of other directions cross the first. What turns away from the eye would look darker than it is, as its lines stand closer:
 //! it takes fewer.
 
+use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::TriangleMesh;
 
 use crate::operator::frames::{Planar, cross, dot};
@@ -30,6 +31,9 @@ const OUTLINE_GAP: usize = 6;
 
 /// Lines end at this distance from what lies clearly before them, in widths of the pen.
 const HALO: f64 = 1.6;
+
+/// Places of a line that are looked at together for corners that nobody sees: a line that goes to and fro would take the square of all of them.
+const TOGETHER: usize = 512;
 
 /// Corners of strokes that are off by less than this, in pixels, are left out.
 const SMOOTH: f64 = 0.06;
@@ -86,16 +90,20 @@ pub struct HatchedLines<'a> {
 }
 
 /// Draws lines as a camera sees them, without what the surface hides; `None` where the camera looks nowhere, or its drawing has no size.
+///
+/// # Errors
+/// The monitor asked to stop.
 pub fn hatch(
     surface: &FieldSurface,
     hatched: HatchedLines<'_>,
     camera: &Camera,
     style: &HatchingStyle,
-) -> Option<Drawing> {
+    monitor: &dyn Monitor,
+) -> Result<Option<Drawing>, Cancelled> {
     let pixels = u64::from(camera.width) * u64::from(camera.height);
     let fine = if 4 * pixels <= MOST_SAMPLES { 2 } else { 1 };
-    let screen = Screen::new(surface.mesh(), camera, fine)?;
-    let paper = View::new(camera, 1)?;
+    let seen = Screen::new(surface.mesh(), camera, fine).zip(View::new(camera, 1));
+    let Some((screen, paper)) = seen else { return Ok(None) };
     let normals = corner_normals(surface.mesh());
     let stroke = if style.stroke.is_finite() { style.stroke.clamp(0.01, 100.0) } else { 1.0 };
     let light = style.tone.map(|tone| Light::new(surface.mesh(), &paper, tone.light, tone.shadows));
@@ -114,15 +122,17 @@ pub fn hatch(
     let mut strokes = Vec::new();
     if style.outline > 0.0 {
         for line in outlines(surface, &normals, camera.eye) {
+            monitor.checkpoint()?;
             pencil.outline(&line, style.outline.min(100.0) * stroke, &mut strokes);
         }
     }
     for (lines, crossing) in [(hatched.lines, false), (hatched.crossing, true)] {
         for (k, line) in lines.iter().enumerate() {
+            monitor.checkpoint()?;
             pencil.hatch(line, crossing, k as u64, &mut strokes);
         }
     }
-    Some(Drawing { width: camera.width, height: camera.height, strokes, swelling: style.swelling, pen: stroke })
+    Ok(Some(Drawing { width: camera.width, height: camera.height, strokes, swelling: style.swelling, pen: stroke }))
 }
 
 struct Pencil<'a> {
@@ -323,9 +333,10 @@ fn close(nibs: &mut [Option<Nib>], gap: usize) {
 
 /// Douglas and Peucker's line of fewer places.
 fn simplified(run: &[Nib]) -> Vec<Nib> {
-    let mut keep = vec![false; run.len()];
-    let mut open = vec![(0, run.len() - 1)];
-    (keep[0], keep[run.len() - 1]) = (true, true);
+    let (mut keep, end) = (vec![false; run.len()], run.len() - 1);
+    let mut open: Vec<(usize, usize)> =
+        (0..run.len()).step_by(TOGETHER).map(|k| (k, (k + TOGETHER).min(end))).collect();
+    open.iter().for_each(|&(first, last)| (keep[first], keep[last]) = (true, true));
     while let Some((first, last)) = open.pop() {
         let (a, b) = (run[first], run[last]);
         let d = [0, 1, 2].map(|i| b[i] - a[i]);
@@ -343,4 +354,23 @@ fn simplified(run: &[Nib]) -> Vec<Nib> {
         }
     }
     run.iter().zip(keep).filter(|(_, keep)| *keep).map(|(nib, _)| *nib).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn corners_that_nobody_sees_are_left_out_and_all_others_stay() {
+        // To and fro, with a straight piece behind: what goes on for long is looked at in pieces.
+        let zigzag = (0..40_000).map(|k| [f64::from(k % 2) * 50.0, 0.01 * f64::from(k / 2), 1.0]);
+        let straight = (0..5_000).map(|k| [0.01 * f64::from(k), 200.0, 1.0]);
+        let run: Vec<Nib> = zigzag.chain(straight).collect();
+        let kept = simplified(&run);
+        assert!(kept.len() > 39_000 && kept.len() < 40_000 + 5_000 / TOGETHER + 5, "{}", kept.len());
+        assert_eq!((kept[0], kept[kept.len() - 1]), (run[0], run[run.len() - 1]));
+        for few in 1..4 {
+            assert_eq!(simplified(&run[..few]).len(), few);
+        }
+    }
 }

@@ -1,17 +1,18 @@
 //! A part of an eigenproblem as an NPZ file: of each slice `values_K` and `vectors_K` (`n × k`, rows first, in the order of the unknowns), and the JSON
 //! text `part`: the plan, the number of the part, where slices begin, their counts, or why they were given up; and whatever its maker wants to know when the
-//! parts are joined.
+//! parts are joined. Of an approximation there are no slices, but `rows`, the subspace on them (`data`, `indices`, `indptr`), `values`, `coefficients` and
+//! `sums`.
 
 use std::io::{Cursor, Read, Seek, Write};
 
-use chladni_algebra::{PANEL_WIDTH, PanelMatrix};
+use chladni_algebra::{DenseMatrix, PANEL_WIDTH, PanelMatrix};
 use chladni_mesh::npy::NpyHeader;
 use serde::{Deserialize, Serialize};
 use zip::{ZipArchive, ZipWriter};
 
 use super::read::{Archive, Frame, check_sums};
 use super::{FormatError, Members, wrong};
-use crate::basis::{Part, PartCount, PartPlan, PartSlice, StoredPart};
+use crate::basis::{NUMBERS_OF_SHARE, Part, PartCount, PartPlan, PartShare, PartSlice, StoredPart};
 
 /// More slices than this no part has.
 const MOST_SLICES: usize = 1000;
@@ -30,6 +31,8 @@ struct Head {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     given_up: Option<String>,
     slices: Vec<HeadSlice>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    share: Option<HeadShare>,
     about: serde_json::Value,
 }
 
@@ -37,6 +40,13 @@ struct Head {
 struct HeadSlice {
     from: usize,
     count: PartCount,
+}
+
+/// Of an approximation, what is no array.
+#[derive(Debug, Serialize, Deserialize)]
+struct HeadShare {
+    stiffness_norm: f64,
+    orthonormality_defect: f64,
 }
 
 fn names(slice: usize) -> [String; 2] {
@@ -58,6 +68,10 @@ pub fn write_part<W: Write + Seek>(part: &Part, about: &serde_json::Value, out: 
         number: part.number,
         given_up,
         slices: slices.iter().map(|slice| HeadSlice { from: slice.from, count: slice.count }).collect(),
+        share: part.share.as_ref().map(|share| HeadShare {
+            stiffness_norm: share.stiffness_norm,
+            orthonormality_defect: share.orthonormality_defect,
+        }),
         about: about.clone(),
     };
     let text = serde_json::to_string(&head).map_err(|error| wrong("part", error.to_string()))?;
@@ -79,8 +93,31 @@ pub fn write_part<W: Write + Seek>(part: &Part, about: &serde_json::Value, out: 
             members.archive.write_all(bytemuck::cast_slice(&rows))?;
         }
     }
+    if let Some(share) = &part.share {
+        let rows = [share.rows.len()];
+        members.add("rows", "<u4", false, &rows, bytemuck::cast_slice(&share.rows))?;
+        members.pattern("", &share.space)?;
+        let values = bytemuck::cast_slice(share.space.values());
+        members.add("data", "<f4", false, &[share.space.entries()], values)?;
+        members.floats("values", &share.values)?;
+        members.floats("coefficients", share.coefficients.values())?;
+        members.floats("sums", &share.sums)?;
+    }
     members.archive.finish()?.flush()?;
     Ok(())
+}
+
+/// What a part holds of an approximation with so many functions.
+fn share(archive: &mut Archive<'_>, head: HeadShare, columns: usize) -> Result<PartShare, FormatError> {
+    let rows: Vec<u32> = archive.member("rows")?.values("<u4")?;
+    let space = archive.sparse(["data", "indices", "indptr"], rows.len(), columns, "<f4")?;
+    let values: Vec<f64> = archive.member("values")?.values("<f8")?;
+    let size = |each: usize| values.len().checked_mul(each).ok_or_else(|| wrong("values", "there are too many"));
+    let coefficients = archive.member("coefficients")?.vector("<f8", size(columns)?)?;
+    let coefficients = DenseMatrix::from_columns(columns, values.len(), coefficients);
+    let sums = archive.member("sums")?.vector("<f8", size(NUMBERS_OF_SHARE)?)?;
+    let HeadShare { stiffness_norm, orthonormality_defect } = head;
+    Ok(PartShare { rows, space, values, coefficients, sums, stiffness_norm, orthonormality_defect })
 }
 
 /// Reads a part from the bytes of an NPZ file that [`write_part`] made, every member compared with its checksum; and what was written about it.
@@ -94,7 +131,7 @@ pub fn read_part(bytes: &[u8]) -> Result<(Part, serde_json::Value), FormatError>
     if head.slices.len() > MOST_SLICES {
         return Err(wrong("part", format!("it has {} slices", head.slices.len())));
     }
-    let Head { plan, number, given_up, slices, about } = head;
+    let Head { plan, number, given_up, slices, share: of_share, about } = head;
     let names: Vec<[String; 2]> = (0..slices.len()).map(names).collect();
     let mut archive = Archive::open(Frame::whole(bytes))?;
     let mut found = Vec::with_capacity(slices.len());
@@ -109,7 +146,12 @@ pub fn read_part(bytes: &[u8]) -> Result<(Part, serde_json::Value), FormatError>
         found.push(PartSlice { from, values, vectors: panels(&member.values("<f8")?, n, k), count });
     }
     let slices = given_up.map_or(Ok(found), Err);
-    Ok((Part { plan, number, slices }, about))
+    let share = match (of_share, plan.columns) {
+        (Some(head), Some(columns)) if columns < u32::MAX as usize => Some(share(&mut archive, head, columns)?),
+        (None, None) => None,
+        _ => return Err(wrong("part", "it is no part of an approximation, or of nothing else")),
+    };
+    Ok((Part { plan, number, slices, share }, about))
 }
 
 /// The plan of a part, its number, and what was written about it, from a file of which nothing else is read.
@@ -132,7 +174,11 @@ impl StoredPart {
     /// [`FormatError`], as [`write_part`].
     pub fn new(part: &Part, about: serde_json::Value) -> Result<Self, FormatError> {
         let numbers = part.slices.iter().flatten().map(|slice| slice.values.len() * (slice.vectors.rows() + 1));
-        let mut out = Cursor::new(Vec::with_capacity(8 * numbers.sum::<usize>() + (1 << 14)));
+        let of_share = part.share.as_ref().map_or(0, |share| {
+            let rows = 3 * share.rows.len() + 2 * share.space.entries();
+            4 * rows + 8 * (share.values.len() + share.coefficients.values().len() + share.sums.len())
+        });
+        let mut out = Cursor::new(Vec::with_capacity(8 * numbers.sum::<usize>() + of_share + (1 << 14)));
         write_part(part, &about, &mut out)?;
         Ok(Self::of_file(out.into_inner(), part.plan.clone(), part.number, about))
     }
@@ -163,6 +209,7 @@ fn panels(rows: &[f64], n: usize, k: usize) -> PanelMatrix {
 mod tests {
     use super::*;
     use crate::basis::Fingerprint;
+    use chladni_algebra::SparseMatrix;
     use chladni_base::SplitMix64;
     use serde_json::json;
 
@@ -188,9 +235,26 @@ mod tests {
             kernel: 1,
             tolerance: 1e-6,
             seed: u64::MAX,
+            columns: None,
         };
         let slices = widths.iter().enumerate().map(|(number, &k)| slice(number * 70, k, &mut random)).collect();
-        Part { plan, number: 1, slices: Ok(slices) }
+        Part { plan, number: 1, slices: Ok(slices), share: None }
+    }
+
+    fn part_of_surface() -> Part {
+        let space =
+            SparseMatrix::new(3, 4, vec![0, 2, 2, 5], vec![0, 3, 1, 2, 3], vec![0.5f32, 0.5, 1e-9, 1.0, 0.25]).unwrap();
+        let share = PartShare {
+            rows: vec![2, 7, u32::MAX - 1],
+            space,
+            values: vec![0.0, 12.5],
+            coefficients: DenseMatrix::from_columns(4, 2, vec![1.0, -2.0, 3.0, 0.1, 5.0, 6.0, 7.0, 1e-300]),
+            sums: (0..2 * NUMBERS_OF_SHARE).map(|k| 1.0 / (1 + k) as f64).collect(),
+            stiffness_norm: 16.1,
+            orthonormality_defect: 1e-14,
+        };
+        let part = part(&[]);
+        Part { plan: PartPlan { columns: Some(4), slices: 0, ..part.plan }, share: Some(share), ..part }
     }
 
     fn written(part: &Part) -> Vec<u8> {
@@ -213,8 +277,25 @@ mod tests {
     }
 
     #[test]
+    fn a_part_of_a_surface_comes_back_bit_by_bit() {
+        let part = part_of_surface();
+        let bytes = written(&part);
+        assert_eq!(read_part(&bytes).unwrap(), (part.clone(), json!({"count": 7})));
+        let stored = StoredPart::new(&part, json!({})).unwrap();
+        assert_eq!(StoredPart::of_bytes(stored.content().to_vec()).unwrap(), stored);
+        // Its head says how many functions there are; without that number it is no part of an approximation.
+        let wrong = Part { plan: PartPlan { columns: None, ..part.plan.clone() }, ..part };
+        assert!(read_part(&written(&wrong)).unwrap_err().to_string().contains("approximation"));
+    }
+
+    #[test]
     fn any_byte_that_changed_is_found_or_changes_nothing() {
-        let part = part(&[5]);
+        any_byte_that_changed(&part(&[5]));
+        any_byte_that_changed(&part_of_surface());
+    }
+
+    fn any_byte_that_changed(part: &Part) {
+        let part = part.clone();
         let bytes = written(&part);
         for at in 0..bytes.len() {
             let mut damaged = bytes.clone();

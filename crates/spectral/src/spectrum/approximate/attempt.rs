@@ -1,10 +1,11 @@
 //! Pairs in one space, judged, and the space that would hold what they miss.
 
-use super::super::certificate::{KERNEL, certify};
+use super::super::certificate::{CertificateError, KERNEL, certificate_of, certify, gram_defect, infinity_norm};
 use super::super::domain::Domain;
-use super::super::energy::Energy;
+use super::super::energy::{Energy, PairShare, measures};
 use super::super::lehmann::{self, Enclosed};
 use super::super::{hats, hidden};
+use super::parts::divided;
 use super::reduce::Ritz;
 use super::space::{FEW_ENTRIES, initial_space};
 use super::{ApproximationError, ApproximationParameters, FEW_VERTICES};
@@ -92,18 +93,54 @@ impl Attempt {
         let good = goal.map(|goal| MEAN_SHARE * goal);
         (self.certificate, self.density) =
             certify(energy, problem, space, mass, &mut pairs.vectors, &pairs.values, good, monitor)?;
+        self.conclude(energy.floor(), problem.area);
+        Ok(())
+    }
+
+    /// [`judge`](Self::judge) in so many parts of the surface, one after the other; where energy is missing is not told.
+    pub(super) fn judge_in_parts(
+        &mut self,
+        domain: Domain<'_>,
+        operator: &MeshOperator,
+        parts: usize,
+        monitor: &dyn Monitor,
+    ) -> Result<(), ApproximationError> {
+        let Domain::Surface(mesh) = domain else { return Ok(()) };
+        let (problem, Ritz { space, mass, pairs, .. }) = (&operator.problem, &mut self.ritz);
+        let part_of = divided(mesh, problem, parts);
+        let mut sums = vec![PairShare::default(); pairs.values.len()];
+        for part in 0..parts {
+            let energy =
+                Energy::of_part(mesh, problem, &part_of, part as u32, monitor).map_err(CertificateError::from)?;
+            let own = energy.in_order(space);
+            monitor.detail(&format!("part {} of {parts}", part + 1));
+            let shares = energy.shares(&own, &pairs.vectors, &pairs.values, KERNEL, monitor)?;
+            sums.iter_mut().zip(&shares).for_each(|(sum, share)| sum.add(share));
+        }
+        let defect = gram_defect(mass, &pairs.vectors).unwrap_or(f64::INFINITY);
+        let of = (infinity_norm(&problem.stiffness), defect, problem.area);
+        let measures = measures(&sums, &pairs.values, KERNEL);
+        self.certificate = certificate_of(&measures, of, &mut pairs.vectors, &pairs.values);
+        self.density = None;
+        self.conclude(0.0, problem.area);
+        Ok(())
+    }
+
+    /// What the certificate says of all pairs together; no eigenvalue lies below `−floor`.
+    pub(super) fn conclude(&mut self, floor: f64, area: f64) {
+        let pairs = &self.ritz.pairs;
         // No eigenvalue lies below the floor, and none of index `k` above the value of pair `k`. A value that is exactly zero is known.
         let Certificate { estimates, bounds, .. } = &mut self.certificate;
         for list in [estimates, bounds] {
             for (distance, value) in list.iter_mut().zip(&pairs.values) {
-                *distance = distance.min((value + energy.floor()).max(0.0) / problem.area);
+                *distance = distance.min((value + floor).max(0.0) / area);
             }
         }
         let last = self.count.checked_sub(1).and_then(|k| pairs.values.get(k)).copied().unwrap_or(f64::NEG_INFINITY);
         let (mut sum, mut summed) = (0.0, 0usize);
         self.largest_estimate = 0.0;
         for (k, (error, &value)) in self.certificate.estimates.iter().zip(&pairs.values).enumerate() {
-            let error = error * problem.area;
+            let error = error * area;
             let relative = error / value.abs();
             if value.abs() > KERNEL && (k < self.count || value - error < last) {
                 self.largest_estimate = self.largest_estimate.max(relative);
@@ -118,7 +155,6 @@ impl Attempt {
             // Estimates are of functions of unit mass; these are not what the dense problem took them for.
             self.largest_estimate = f64::INFINITY;
         }
-        Ok(())
     }
 
     /// Where columns may be too coarse for a limb and all seems well: whether there are eigenfunctions that the space does not know of.

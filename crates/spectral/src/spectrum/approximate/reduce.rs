@@ -99,6 +99,17 @@ fn lost_to_rounding(stiffness: &SparseMatrix, pairs: &EigenPairs) -> bool {
 /// The lowest `count` Ritz pairs in a space. Columns that depend on others are dropped.
 pub(super) fn reduce(
     problem: &EigenProblem,
+    space: SparseMatrix<f32>,
+    count: usize,
+    monitor: &dyn Monitor,
+) -> Result<Ritz, ApproximationError> {
+    reduce_by(&*gpu::accelerator(), problem, space, count, monitor)
+}
+
+/// [`reduce`], with the dense problem solved by one.
+pub(super) fn reduce_by(
+    solver: &dyn SymmetricDefiniteSolver,
+    problem: &EigenProblem,
     mut space: SparseMatrix<f32>,
     count: usize,
     monitor: &dyn Monitor,
@@ -108,7 +119,7 @@ pub(super) fn reduce(
         monitor.stage("reduce");
         let (stiffness, mass) = galerkin(&space, &problem.stiffness, &problem.mass, monitor)?;
         monitor.stage("eigen");
-        let solved = gpu::accelerator().lowest(stiffness.to_dense(), mass.to_dense(), count, monitor);
+        let solved = solver.lowest(stiffness.to_dense(), mass.to_dense(), count, monitor);
         match &solved {
             Ok(pairs) if !lost_to_rounding(&stiffness, pairs) => {}
             Ok(_) | Err(EigenError::NotPositiveDefinite { .. }) => {

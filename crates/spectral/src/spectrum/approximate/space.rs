@@ -120,6 +120,7 @@ fn local_functions(
         Space::Heat(heat) => {
             let masses = laplacian.mass.lumped();
             let samples = well_spread_points(mesh, &connectivity, &masses, d, LLOYD_MOVES, parameters.seed, monitor)?;
+            drop(masses);
             monitor.stage("basis");
             // Edge paths are as good a start as fast marching where a support holds many vertices, and cheaper.
             let far = mesh.positions.len() >= DIJKSTRA_SUFFICES * d;
@@ -127,7 +128,7 @@ fn local_functions(
             let start = radial::columns(mesh, &connectivity, &samples, distance, Profile::Cubic, SIGMA, monitor)?;
             let far = start.entries() > FEW_ENTRIES * mesh.positions.len();
             let heat = if far { heat.for_many_vertices() } else { *heat };
-            Ok((heat::smooth(mesh, laplacian, &connectivity, &start, &heat, monitor)?, Space::Heat(heat)))
+            Ok((heat::smooth(mesh, laplacian, connectivity, start, &heat, monitor)?, Space::Heat(heat)))
         }
     }
 }

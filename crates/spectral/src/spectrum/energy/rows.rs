@@ -95,7 +95,16 @@ impl Energy<'_> {
             |(totals, right)| {
                 for (row, (right, global)) in right.iter_mut().zip(patch.rows()).enumerate() {
                     let own = lanes_of(&x[row], half);
+                    if global >= self.own {
+                        // A row of another part: its value enters the rounding errors of those beside it.
+                        *right = [0.0; CYCLE_WIDTH];
+                        for k in 0..CYCLE_WIDTH {
+                            totals[6][k] += self.rounding[global] * own[k] * own[k];
+                        }
+                        continue;
+                    }
                     let (columns, values) = patch.exact(row);
+                    let values = self.coupled.as_ref().map_or(values, |coupled| coupled.row(global).1);
                     let mut sx = [0.0; CYCLE_WIDTH];
                     for (&(column, _), &value) in columns.iter().zip(values) {
                         let x = lanes_of(&x[column as usize], half);
@@ -155,6 +164,13 @@ impl Energy<'_> {
             #[inline(always)]
             |(found, rests)| {
                 for (row, (r, global)) in right.iter().zip(patch.rows()).enumerate() {
+                    if global >= self.own {
+                        // A row of another part: `y` is nothing there, and so is what is left.
+                        if let Some(rests) = rests.get_mut(row) {
+                            *rests = [0.0; CYCLE_WIDTH];
+                        }
+                        continue;
+                    }
                     let own = &y[row];
                     let (columns, values) = patch.exact(row);
                     let mut ay = [0.0; CYCLE_WIDTH];

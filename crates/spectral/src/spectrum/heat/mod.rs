@@ -19,6 +19,8 @@ mod solid;
 #[cfg(test)]
 mod tests;
 
+use std::borrow::Borrow;
+
 use crate::operator::EigenProblem;
 use chladni_algebra::SparseMatrix;
 use chladni_base::{Cancelled, Monitor};
@@ -181,18 +183,18 @@ pub enum HeatError {
 pub fn smooth(
     mesh: &TriangleMesh,
     problem: &EigenProblem,
-    connectivity: &Connectivity,
-    columns: &SparseMatrix<f32>,
+    connectivity: impl Borrow<Connectivity>,
+    columns: impl Borrow<SparseMatrix<f32>>,
     parameters: &HeatParameters,
     monitor: &dyn Monitor,
 ) -> Result<SparseMatrix<f32>, HeatError> {
     parameters.check()?;
-    let (n, d) = (columns.rows(), columns.columns());
-    if problem.stiffness.rows() != n || connectivity.vertices() != n || mesh.positions.len() != n {
-        let (problem, mesh) = (problem.stiffness.rows(), connectivity.vertices());
+    let (n, d) = (columns.borrow().rows(), columns.borrow().columns());
+    if problem.stiffness.rows() != n || connectivity.borrow().vertices() != n || mesh.positions.len() != n {
+        let (problem, mesh) = (problem.stiffness.rows(), connectivity.borrow().vertices());
         return Err(HeatError::Shape { problem, mesh, columns: n });
     }
-    let peaks = peaks(columns)?;
+    let Peaks { vertices: peaks, heights } = peaks(columns.borrow())?;
     monitor.checkpoint()?;
     let heat = panel::Heat {
         steps: parameters.steps,
@@ -206,13 +208,16 @@ pub fn smooth(
     let positions: Vec<[f32; 3]> =
         mesh.positions.iter().map(|p| std::array::from_fn(|k| ((p[k] - origin[k]) * unit) as f32)).collect();
     let surface = Surface { positions: &positions, triangles: &mesh.faces };
-    let mut level = Level::finest(problem, connectivity)?;
+    let mut level = Level::finest(problem, connectivity.borrow())?;
+    // What is given away is let go of as soon as it has served: of millions of vertices it is a good part of what there is.
+    drop(connectivity);
     if level.is_stiff() {
         level.take_weights(surface);
     }
     let hierarchy = coarsen(&level, surface, &peaks, d, monitor)?;
+    drop(positions);
     let Some(coarsest) = hierarchy.last() else {
-        let spread = panel::diffuse(&level, columns, &peaks, &heat, monitor)?;
+        let spread = panel::diffuse(&level, columns.borrow(), &peaks, &heat, monitor)?;
         let mut result = shrink::shrink(&spread, parameters.drop as f32, parameters.threshold as f32);
         shrink::refill_columns(&mut result, &spread, d);
         return Ok(result);
@@ -222,11 +227,12 @@ pub fn smooth(
     for coarsening in hierarchy.iter().rev().skip(1) {
         vertices.iter_mut().for_each(|v| *v = coarsening.seeds[*v as usize]);
     }
-    let mut tops = peaks;
+    let mut tops = peaks.clone();
     for coarsening in &hierarchy {
         tops.iter_mut().for_each(|v| *v = coarsening.cells[*v as usize]);
     }
-    let initial = columns.select_rows(&vertices);
+    let initial = columns.borrow().select_rows(&vertices);
+    drop(columns);
     let coarse_drop = (COARSE_DROP * parameters.threshold).max(parameters.drop) as f32;
     let heat = panel::Heat { kept: Kept::positive(coarse_drop), ..heat };
     let mut spread = panel::diffuse(&coarsest.level, &initial, &tops, &heat, monitor)?;
@@ -239,7 +245,7 @@ pub fn smooth(
         };
         spread = polish::prolong(fine, coarsening, &spread, &SMOOTHER, &thinning, monitor)?;
     }
-    shrink::refill_columns(&mut spread, columns, d);
+    shrink::refill_from(&mut spread, d, |column| (heights[column], peaks[column] as usize));
     Ok(spread)
 }
 
@@ -273,8 +279,13 @@ fn coarsen(
     }
 }
 
-/// The vertex of the largest entry of every column (the first of equals).
-fn peaks(columns: &SparseMatrix<f32>) -> Result<Vec<u32>, HeatError> {
+/// The largest entry of every column (the first of equals).
+struct Peaks {
+    vertices: Vec<u32>,
+    heights: Vec<f32>,
+}
+
+fn peaks(columns: &SparseMatrix<f32>) -> Result<Peaks, HeatError> {
     let mut peaks = vec![u32::MAX; columns.columns()];
     let mut heights = vec![0f32; columns.columns()];
     for vertex in 0..columns.rows() {
@@ -292,6 +303,6 @@ fn peaks(columns: &SparseMatrix<f32>) -> Result<Vec<u32>, HeatError> {
     }
     match peaks.iter().position(|&peak| peak == u32::MAX) {
         Some(column) => Err(HeatError::EmptyColumn { column }),
-        None => Ok(peaks),
+        None => Ok(Peaks { vertices: peaks, heights }),
     }
 }

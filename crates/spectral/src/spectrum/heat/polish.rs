@@ -80,7 +80,7 @@ pub(super) fn prolong(
         )
         .collect::<Result<_, Cancelled>>()?;
     monitor.checkpoint()?;
-    Ok(assemble(n, columns.columns(), &blocks, &parts))
+    Ok(assemble(n, columns.columns(), &blocks, parts))
 }
 
 /// The factor of a row of the stiffness; 0 where the value is kept.
@@ -200,6 +200,8 @@ impl Smoothing<'_> {
             push_row(&names, row, drop, threshold, &mut part.indices, &mut part.values);
             part.ends.push(part.indices.len() as u32);
         }
+        part.indices.shrink_to_fit();
+        part.values.shrink_to_fit();
         part
     }
 
@@ -373,10 +375,10 @@ fn fma<S: Simd>(a: f32, b: f32, c: f32) -> f32 {
 }
 
 /// Puts the rows of the blocks in the order of the vertices.
-fn assemble(n: usize, d: usize, blocks: &[Vec<u32>], parts: &[Part]) -> SparseMatrix<f32> {
+fn assemble(n: usize, d: usize, blocks: &[Vec<u32>], parts: Vec<Part>) -> SparseMatrix<f32> {
     let mut places = vec![(0u32, 0u32); n];
     let mut offsets = vec![0usize; n + 1];
-    for (b, (block, part)) in blocks.iter().zip(parts).enumerate() {
+    for (b, (block, part)) in blocks.iter().zip(&parts).enumerate() {
         let mut begin = 0;
         for (&v, &end) in block.iter().zip(&part.ends) {
             places[v as usize] = (b as u32, begin);
@@ -387,27 +389,34 @@ fn assemble(n: usize, d: usize, blocks: &[Vec<u32>], parts: &[Part]) -> SparseMa
     for v in 0..n {
         offsets[v + 1] += offsets[v];
     }
-    let mut indices = vec![0u32; offsets[n]];
-    let mut values = vec![0f32; offsets[n]];
+    // Columns first, then values, so that there are never two of both.
+    let (of_indices, of_values): (Vec<_>, Vec<_>) = parts.into_iter().map(|part| (part.indices, part.values)).unzip();
+    let indices = gathered(&offsets, &places, of_indices);
+    let values = gathered(&offsets, &places, of_values);
+    SparseMatrix::from_sorted_parts(n, d, offsets, indices, values)
+}
+
+/// What stands in the rows, one row after the other; `places` say in which part each row is and where it begins there.
+fn gathered<T: Copy + Default + Send + Sync>(offsets: &[usize], places: &[(u32, u32)], parts: Vec<Vec<T>>) -> Vec<T> {
+    let n = places.len();
+    let mut all = vec![T::default(); offsets[n]];
     let rows_per_chunk = 8192;
     let mut chunks = Vec::with_capacity(n.div_ceil(rows_per_chunk));
-    let (mut i, mut x) = (indices.as_mut_slice(), values.as_mut_slice());
+    let mut free = all.as_mut_slice();
     for begin in (0..n).step_by(rows_per_chunk) {
         let end = (begin + rows_per_chunk).min(n);
-        let (i_here, i_rest) = i.split_at_mut(offsets[end] - offsets[begin]);
-        let (x_here, x_rest) = x.split_at_mut(offsets[end] - offsets[begin]);
-        chunks.push((begin..end, i_here, x_here));
-        (i, x) = (i_rest, x_rest);
+        let own;
+        (own, free) = std::mem::take(&mut free).split_at_mut(offsets[end] - offsets[begin]);
+        chunks.push((begin..end, own));
     }
-    chunks.into_par_iter().for_each(|(rows, indices, values)| {
+    chunks.into_par_iter().for_each(|(rows, own)| {
         let base = offsets[rows.start];
         for v in rows {
             let (part, begin) = places[v];
             let here = offsets[v] - base..offsets[v + 1] - base;
             let there = begin as usize..begin as usize + here.len();
-            indices[here.clone()].copy_from_slice(&parts[part as usize].indices[there.clone()]);
-            values[here].copy_from_slice(&parts[part as usize].values[there]);
+            own[here].copy_from_slice(&parts[part as usize][there]);
         }
     });
-    SparseMatrix::from_sorted_parts(n, d, offsets, indices, values)
+    all
 }

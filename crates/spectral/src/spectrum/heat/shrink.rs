@@ -79,10 +79,7 @@ pub(super) fn push_row(
 
 /// Gives every column that lost all entries its largest one in `spread` back.
 pub(super) fn refill_columns(result: &mut SparseMatrix<f32>, spread: &SparseMatrix<f32>, d: usize) {
-    let mut filled = vec![false; d];
-    for &column in result.indices() {
-        filled[column as usize] = true;
-    }
+    let filled = filled(result, d);
     if filled.iter().all(|&f| f) {
         return;
     }
@@ -95,10 +92,30 @@ pub(super) fn refill_columns(result: &mut SparseMatrix<f32>, spread: &SparseMatr
             }
         }
     }
-    let mut extra: Vec<(usize, u32, f32)> = (0..d as u32)
-        .filter(|&c| !filled[c as usize] && best[c as usize].1 != usize::MAX)
-        .map(|c| (best[c as usize].1, c, best[c as usize].0.max(f32::MIN_POSITIVE)))
-        .collect();
+    refill(result, d, (0..d).filter(|&c| !filled[c] && best[c].1 != usize::MAX).map(|c| (c, best[c])).collect());
+}
+
+/// The same, where `peak` tells the largest entry of a column, and its row.
+pub(super) fn refill_from(result: &mut SparseMatrix<f32>, d: usize, peak: impl Fn(usize) -> (f32, usize)) {
+    let filled = filled(result, d);
+    if !filled.iter().all(|&f| f) {
+        refill(result, d, (0..d).filter(|&c| !filled[c]).map(|c| (c, peak(c))).collect());
+    }
+}
+
+/// Which columns have an entry.
+fn filled(result: &SparseMatrix<f32>, d: usize) -> Vec<bool> {
+    let mut filled = vec![false; d];
+    for &column in result.indices() {
+        filled[column as usize] = true;
+    }
+    filled
+}
+
+/// Puts entries, each with its column and row, into rows that still sum to 1.
+fn refill(result: &mut SparseMatrix<f32>, d: usize, missing: Vec<(usize, (f32, usize))>) {
+    let given = |(column, (value, row)): (usize, (f32, usize))| (row, column as u32, value.max(f32::MIN_POSITIVE));
+    let mut extra: Vec<(usize, u32, f32)> = missing.into_iter().map(given).collect();
     extra.sort_unstable_by_key(|&(row, column, _)| (row, column));
     let mut next = extra.iter().peekable();
     let (mut counts, mut indices, mut values) = (Vec::new(), Vec::new(), Vec::new());

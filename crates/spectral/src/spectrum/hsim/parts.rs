@@ -14,6 +14,7 @@ use chladni_base::notes::FALLBACKS;
 use chladni_base::{Monitor, SplitMix64};
 use chladni_mesh::TriangleMesh;
 
+use super::super::approximate::ApproximationError;
 use super::certify::Goal;
 use super::climb::{self, Climb};
 use super::judge::Count;
@@ -41,6 +42,9 @@ pub enum PartError {
     /// The solver failed.
     #[error(transparent)]
     Solver(#[from] HsimError),
+    /// The approximation failed.
+    #[error(transparent)]
+    Approximation(#[from] ApproximationError),
     /// The problem is not solved in parts.
     #[error("this problem is not solved in parts: {reason}")]
     Unsuited {
@@ -102,6 +106,7 @@ impl PartError {
     pub fn kind(&self) -> &'static str {
         match self {
             Self::Solver(error) => error.kind(),
+            Self::Approximation(error) => error.kind(),
             Self::Unsuited { .. } | Self::NoSuchPart { .. } => "invalid-parameters",
             Self::Missing { .. } => "part-missing",
             Self::Version { .. } => "part-of-another-version",
@@ -170,6 +175,7 @@ impl<'a> Parted<'a> {
             kernel: climb.known,
             tolerance: parameters.tolerance,
             seed: parameters.seed,
+            columns: None,
         };
         Ok(Self { climb, finest, plan, goal, wanted })
     }
@@ -197,12 +203,12 @@ impl<'a> Parted<'a> {
                 Ok(Ok(found)) => slices.push(found),
                 Ok(Err(reason)) | Err(HsimError::Numerical(reason)) => {
                     monitor.note(FALLBACKS, &format!("part {}: {reason}", number + 1));
-                    return Ok(Part { plan: plan.clone(), number, slices: Err(reason) });
+                    return Ok(Part { plan: plan.clone(), number, slices: Err(reason), share: None });
                 }
                 Err(error) => return Err(error.into()),
             }
         }
-        Ok(Part { plan: plan.clone(), number, slices: Ok(slices) })
+        Ok(Part { plan: plan.clone(), number, slices: Ok(slices), share: None })
     }
 
     /// One slice of all, or why it was not found.
@@ -300,17 +306,8 @@ impl<'a> Parted<'a> {
     /// That a part is the one that was asked for, and holds what such a part holds.
     fn check(&self, part: &Part, number: usize) -> Result<(), PartError> {
         let (plan, count) = (&self.plan, number + 1);
-        if part.plan.version != plan.version {
-            let (found, version) = (part.plan.version.clone(), plan.version.clone());
-            return Err(PartError::Version { number: count, found, version });
-        }
-        if let Some(reason) = part.plan.difference(plan) {
-            return Err(PartError::Foreign { number: count, reason: reason.to_owned() });
-        }
+        check_plan(part, plan, number)?;
         let damaged = |reason: String| Err(PartError::Damaged { number: count, reason });
-        if part.number != number {
-            return damaged(format!("it says that it is part {}", part.number.saturating_add(1)));
-        }
         let Ok(slices) = &part.slices else { return Ok(()) };
         if slices.len() != plan.slices {
             return damaged(format!("it has {} slices, not {}", slices.len(), plan.slices));
@@ -322,6 +319,23 @@ impl<'a> Parted<'a> {
         }
         Ok(())
     }
+}
+
+/// That a part is of a plan, and the one that was asked for.
+pub(in crate::spectrum) fn check_plan(part: &Part, plan: &PartPlan, number: usize) -> Result<(), PartError> {
+    let count = number + 1;
+    if part.plan.version != plan.version {
+        let (found, version) = (part.plan.version.clone(), plan.version.clone());
+        return Err(PartError::Version { number: count, found, version });
+    }
+    if let Some(reason) = part.plan.difference(plan) {
+        return Err(PartError::Foreign { number: count, reason: reason.to_owned() });
+    }
+    if part.number != number {
+        let reason = format!("it says that it is part {}", part.number.saturating_add(1));
+        return Err(PartError::Damaged { number: count, reason });
+    }
+    Ok(())
 }
 
 /// That a slice holds finite numbers for the pairs that it is to hold.
@@ -384,7 +398,7 @@ fn agree(some: &[f64], others: &[f64]) -> bool {
 }
 
 /// What a problem says about itself.
-fn fingerprint(problem: &EigenProblem) -> Fingerprint {
+pub(in crate::spectrum) fn fingerprint(problem: &EigenProblem) -> Fingerprint {
     let (n, mut random) = (problem.size(), SplitMix64::new(0x5eed));
     let mut products = [0.0; 6];
     for pair in products.chunks_exact_mut(2) {

@@ -1,0 +1,380 @@
+//! An approximation in parts of the surface that know nothing of each other, as for several machines.
+//!
+//! Columns and their dense eigenproblem are a small part of the work, and every part makes them anew: they are functions of mesh and parameters alone,
+//! so that all have the same pairs, however many parts there are. What is most of the work, and grows with the mesh, is to say how right the pairs are.
+//! That is a sum over vertices, and each part has its own: it measures what the pairs miss there (`energy/part.rs`), and keeps its rows of the
+//! subspace. The join puts rows one below the other, adds up, and concludes as for a whole.
+//!
+//! Whether a goal is reached is known at the join alone. Where it is not, the join begins again in one piece, which may add columns.
+
+use rayon::prelude::*;
+
+use super::super::certificate::{KERNEL, certificate_of, gram_defect};
+use super::super::domain::Domain;
+use super::super::energy::{Energy, PairShare, measures};
+use super::super::hsim::parts::{PartError, check_plan, fingerprint};
+use super::attempt::Attempt;
+use super::reduce::{Ritz, reduce_by};
+use super::space::initial_space;
+use super::{ApproximationError, ApproximationParameters, FEW_VERTICES, approximate};
+use super::{CertificateError, delivered, most_columns, pairs_with_guards, report};
+use crate::basis::{Basis, NUMBERS_OF_SHARE, Part, PartPlan, PartShare};
+use crate::operator::{EigenProblem, Laplacian, MassMatrix, MeshOperator, Reason};
+use chladni_algebra::{
+    ComputedOn, CpuSolver, DenseMatrix, EigenError, EigenPairs, SparseMatrix, SymmetricDefiniteSolver,
+};
+use chladni_base::Monitor;
+use chladni_base::notes::FALLBACKS;
+use chladni_mesh::TriangleMesh;
+
+/// The most parts: numbers of more are taken for a slip.
+pub const MOST_PARTS: usize = 4096;
+
+/// Vertices that are worth a part where their number is not given.
+const NATURAL: usize = 500_000;
+
+/// Values of two machines differ by rounding: relative to themselves, by no more than this.
+const SAME_VALUES: f64 = 1e-9;
+
+/// The same of the entries of coefficients, relative to the largest of all.
+const SAME_COEFFICIENTS: f64 = 1e-7;
+
+/// An approximation and its plan.
+pub struct Parted<'a> {
+    mesh: &'a TriangleMesh,
+    operator: &'a MeshOperator,
+    parameters: ApproximationParameters,
+    kernel: usize,
+    plan: PartPlan,
+    monitor: &'a dyn Monitor,
+}
+
+impl<'a> Parted<'a> {
+    /// Divides an approximation; into parts of half a million vertices where their number is not given. `version` is that of the solver.
+    ///
+    /// # Errors
+    /// [`PartError::Unsuited`] where it is not of the Laplacian by cotangents with a lumped mass, columns have few vertices, pairs are to be
+    /// enclosed, or there are not as many vertices.
+    pub fn new(
+        mesh: &'a TriangleMesh,
+        operator: &'a MeshOperator,
+        parameters: &ApproximationParameters,
+        parts: Option<usize>,
+        version: &str,
+        monitor: &'a dyn Monitor,
+    ) -> Result<Self, PartError> {
+        let problem = &operator.problem;
+        let n = problem.size();
+        let unsuited = |reason: String| Err(PartError::Unsuited { reason });
+        if parameters.certify {
+            return unsuited("\"certify\" counts eigenvalues of the whole".to_owned());
+        }
+        if let Err(reason) = has_parts(operator) {
+            return unsuited(reason.to_owned());
+        }
+        let d = parameters.dimension.max(parameters.count);
+        if n < FEW_VERTICES * d {
+            let reason = format!("{n} unknowns are few for {d} functions: {} are needed", FEW_VERTICES * d);
+            return unsuited(reason);
+        }
+        let parts = parts.unwrap_or((n / NATURAL).max(1));
+        if parts == 0 || parts > n.min(MOST_PARTS) {
+            return unsuited(format!("{n} unknowns make at most {} parts, not {parts}", n.min(MOST_PARTS)));
+        }
+        let parameters = parameters.fitted(n);
+        let (kernel, pairs) = pairs_with_guards(problem, &parameters, 0);
+        let plan = PartPlan {
+            version: version.to_owned(),
+            problem: fingerprint(problem),
+            parts,
+            slices: 0,
+            pairs,
+            kernel,
+            tolerance: parameters.goal.map_or(0.0, |goal| goal.error),
+            seed: parameters.seed,
+            columns: Some(d),
+        };
+        Ok(Self { mesh, operator, parameters, kernel, plan, monitor })
+    }
+
+    /// The plan. Its `columns` are those that were asked for.
+    pub fn plan(&self) -> &PartPlan {
+        &self.plan
+    }
+
+    /// Makes one part, counted from 0. The same mesh, parameters and plan give the same part, up to rounding.
+    ///
+    /// # Errors
+    /// [`PartError::NoSuchPart`]; those of [`approximate`](super::approximate()).
+    pub fn solve(&self, number: usize) -> Result<Part, PartError> {
+        let (plan, monitor, problem) = (&self.plan, self.monitor, &self.operator.problem);
+        if number >= plan.parts {
+            return Err(PartError::NoSuchPart { number: number.saturating_add(1), parts: plan.parts });
+        }
+        let mut parameters = self.parameters;
+        let space = initial_space(Domain::Surface(self.mesh), self.operator, &mut parameters, monitor)?;
+        let pairs = plan.pairs.min(space.columns().max(parameters.count));
+        let ritz = reduce_by(&OneThread, problem, space, pairs, monitor)?.with_zeros(problem, self.kernel);
+        let Ritz { space, mass, pairs, .. } = ritz;
+        let EigenPairs { values, vectors: coefficients, .. } = pairs;
+        let orthonormality_defect = gram_defect(&mass, &coefficients).unwrap_or(f64::INFINITY);
+        drop(mass);
+        monitor.stage("bounds");
+        let part_of = divided(self.mesh, problem, plan.parts);
+        let energy = Energy::of_part(self.mesh, problem, &part_of, number as u32, monitor)
+            .map_err(|error| ApproximationError::from(CertificateError::from(error)))?;
+        let rows: Vec<u32> = (0..problem.size() as u32).filter(|&row| part_of[row as usize] == number as u32).collect();
+        drop(part_of);
+        let (with_neighbours, own) = (energy.in_order(&space), space.select_rows(&rows));
+        drop(space);
+        let shares = energy.shares(&with_neighbours, &coefficients, &values, KERNEL, monitor)?;
+        let share = PartShare {
+            space: own,
+            values,
+            coefficients,
+            sums: shares.iter().flat_map(PairShare::numbers).collect(),
+            stiffness_norm: norm(&problem.stiffness, &rows),
+            orthonormality_defect,
+            rows,
+        };
+        // What the columns came to is part of what parts have to agree on.
+        let plan = PartPlan { columns: Some(share.space.columns()), ..plan.clone() };
+        Ok(Part { plan, number, slices: Ok(Vec::new()), share: Some(share) })
+    }
+
+    /// Joins all parts, which are asked for one after the other, from 0; what comes out is judged as an approximation in one piece. Where the goal is
+    /// missed it is made in one piece, and noted.
+    ///
+    /// # Errors
+    /// Those of `part`; [`PartError::Version`], [`PartError::Foreign`] and [`PartError::Damaged`] name the part that cannot be used; those of
+    /// [`approximate`](super::approximate()).
+    pub fn join(self, part: &mut dyn FnMut(usize) -> Result<Part, PartError>) -> Result<Basis, PartError> {
+        let (domain, problem) = (Domain::Surface(self.mesh), &self.operator.problem);
+        self.monitor.stage("join");
+        let mut gathered = Gathered::new(problem.size());
+        let mut plan: Option<PartPlan> = None;
+        for number in 0..self.plan.parts {
+            self.monitor.checkpoint()?;
+            self.monitor.progress(number as f64 / self.plan.parts as f64);
+            let found = part(number)?;
+            // The first part tells how many columns there are; all else is known.
+            let plan = plan.get_or_insert_with(|| PartPlan { columns: found.plan.columns, ..self.plan.clone() });
+            check_plan(&found, plan, number)?;
+            gathered.take(found)?;
+        }
+        let Whole { space, mut pairs, sums, norm, defect } = gathered.whole()?;
+        let measures = measures(&sums, &pairs.values, KERNEL);
+        let certificate = certificate_of(&measures, (norm, defect, problem.area), &mut pairs.vectors, &pairs.values);
+        let nothing = || SparseMatrix::from_sorted_parts(0, 0, vec![0], Vec::new(), Vec::new());
+        let ritz = Ritz { space, mass: nothing(), stiffness: nothing(), pairs };
+        let count = self.parameters.count;
+        let most = most_columns(problem.size(), self.parameters.dimension.max(count));
+        let mut attempt = Attempt::new(ritz, count, most);
+        attempt.certificate = certificate;
+        attempt.conclude((-self.operator.floor).max(0.0), problem.area);
+        if let Some(goal) = self.parameters.goal
+            && goal.rounds > 0
+            && attempt.excess(goal.error) > 1.0
+        {
+            drop(attempt);
+            self.monitor.note(
+                FALLBACKS,
+                "parts of the surface: their functions miss the goal, and more were made in one piece",
+            );
+            return Ok(approximate(self.mesh, self.operator, &self.parameters, self.monitor)?);
+        }
+        let accuracy = self.parameters.goal.map(|goal| report(domain, &attempt, self.parameters.space, 0, goal.error));
+        Ok(delivered(domain, self.operator, attempt, accuracy, None))
+    }
+}
+
+/// Whether an operator is a sum over triangles that falls apart into parts, or why it is not.
+pub(super) fn has_parts(operator: &MeshOperator) -> Result<(), &'static str> {
+    let of_triangles = operator.report.laplacian == Laplacian::Cotangent && operator.report.reason != Reason::Points;
+    if !of_triangles || !operator.is_laplacian_but_for_the_held() {
+        return Err("parts are made of the triangles of the Laplacian by cotangents, and of no other operator");
+    }
+    match operator.problem.mass {
+        MassMatrix::Diagonal(_) => Ok(()),
+        _ => Err("its mass is consistent; take a lumped one, barycentric or voronoi"),
+    }
+}
+
+/// Dense problems on one thread: on more, the last digits depend on how many there are, and parts would not fit each other.
+struct OneThread;
+
+impl SymmetricDefiniteSolver for OneThread {
+    fn name(&self) -> &'static str {
+        CpuSolver.name()
+    }
+
+    fn lowest(
+        &self,
+        a: DenseMatrix,
+        b: DenseMatrix,
+        count: usize,
+        monitor: &dyn Monitor,
+    ) -> Result<EigenPairs, EigenError> {
+        match rayon::ThreadPoolBuilder::new().num_threads(1).build() {
+            Ok(pool) => pool.install(|| CpuSolver.lowest(a, b, count, monitor)),
+            Err(_) => CpuSolver.lowest(a, b, count, monitor),
+        }
+    }
+}
+
+/// The largest sum of magnitudes in some rows.
+fn norm(matrix: &SparseMatrix, rows: &[u32]) -> f64 {
+    let of_row = |&row: &u32| matrix.row(row as usize).1.iter().map(|value| value.abs()).sum::<f64>();
+    rows.par_iter().map(of_row).reduce(|| 0.0, f64::max)
+}
+
+/// The part of each unknown: the surface is halved across its longest extent, and so on, to as many parts of about one size.
+pub(super) fn divided(mesh: &TriangleMesh, problem: &EigenProblem, parts: usize) -> Vec<u32> {
+    let n = problem.size();
+    let vertex = |row: u32| problem.unknowns.as_ref().map_or(row, |unknowns| unknowns[row as usize]);
+    let mut rows: Vec<u32> = (0..n as u32).collect();
+    let mut part_of = vec![0u32; n];
+    let mut left: Vec<(&mut [u32], u32, usize)> = vec![(&mut rows, 0, parts)];
+    while let Some((rows, first, parts)) = left.pop() {
+        if parts < 2 || rows.is_empty() {
+            rows.iter().for_each(|&row| part_of[row as usize] = first);
+            continue;
+        }
+        let position = |row: u32| mesh.positions[vertex(row) as usize];
+        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for &row in &*rows {
+            let p = position(row);
+            (0..3).for_each(|k| (low[k], high[k]) = (low[k].min(p[k]), high[k].max(p[k])));
+        }
+        let axis =
+            (0..3).max_by(|&a, &b| (high[a] - low[a]).total_cmp(&(high[b] - low[b])).then(b.cmp(&a))).unwrap_or(0);
+        let half = parts / 2;
+        let middle = rows.len() * half / parts;
+        // By number where places are equal, so that there is one answer.
+        let order = |a: &u32, b: &u32| position(*a)[axis].total_cmp(&position(*b)[axis]).then(a.cmp(b));
+        if middle < rows.len() {
+            rows.select_nth_unstable_by(middle, order);
+        }
+        let (lower, upper) = rows.split_at_mut(middle);
+        left.push((lower, first, half));
+        left.push((upper, first + half as u32, parts - half));
+    }
+    part_of
+}
+
+/// What parts bring along, until all are there.
+struct Gathered {
+    /// The part that has each row, and where; `u32::MAX` where none has.
+    places: Vec<(u32, u32)>,
+    spaces: Vec<SparseMatrix<f32>>,
+    pairs: Option<EigenPairs>,
+    sums: Vec<PairShare>,
+    norm: f64,
+    defect: f64,
+}
+
+/// All parts together.
+struct Whole {
+    space: SparseMatrix<f32>,
+    pairs: EigenPairs,
+    sums: Vec<PairShare>,
+    norm: f64,
+    defect: f64,
+}
+
+impl Gathered {
+    fn new(n: usize) -> Self {
+        let places = vec![(u32::MAX, 0); n];
+        Self { places, spaces: Vec::new(), pairs: None, sums: Vec::new(), norm: 0.0, defect: 0.0 }
+    }
+
+    fn take(&mut self, part: Part) -> Result<(), PartError> {
+        let count = part.number + 1;
+        let damaged = |reason: &str| PartError::Damaged { number: count, reason: reason.to_owned() };
+        let share = part.share.ok_or_else(|| damaged("it has no share of an approximation"))?;
+        let PartShare { rows, space, values, coefficients, sums, stiffness_norm, orthonormality_defect } = share;
+        let (m, d) = (values.len(), space.columns());
+        let fits = space.rows() == rows.len()
+            && (coefficients.rows(), coefficients.columns()) == (d, m)
+            && sums.len() == m * NUMBERS_OF_SHARE
+            && m <= part.plan.pairs;
+        if !fits {
+            return Err(damaged("its arrays do not fit each other"));
+        }
+        let numbers = values.iter().chain(&sums).chain(coefficients.values());
+        let defects = [stiffness_norm, orthonormality_defect];
+        if !numbers.chain(&defects).all(|x| x.is_finite()) || !space.values().iter().all(|x| x.is_finite()) {
+            return Err(damaged("some of its numbers are not finite"));
+        }
+        if !values.is_sorted() {
+            return Err(damaged("its values are not in order"));
+        }
+        for (&row, at) in rows.iter().zip(0..) {
+            match self.places.get_mut(row as usize) {
+                Some(place) if place.0 == u32::MAX => *place = (self.spaces.len() as u32, at),
+                Some(_) => return Err(damaged(&format!("unknown {row} is also in a part before"))),
+                None => return Err(damaged(&format!("there is no unknown {row}"))),
+            }
+        }
+        self.spaces.push(space);
+        let groups = sums.as_chunks::<NUMBERS_OF_SHARE>().0;
+        let found: Vec<PairShare> = groups.iter().map(PairShare::of_numbers).collect();
+        match &self.pairs {
+            None => {
+                self.pairs = Some(EigenPairs { values, vectors: coefficients, computed_on: ComputedOn::default() });
+                self.sums = found;
+            }
+            Some(first) => {
+                if !same_pairs(first, &values, &coefficients) {
+                    let reason = "its pairs are not those of part 1, as where processors differ: compute both on machines of one kind";
+                    return Err(PartError::Foreign { number: count, reason: reason.to_owned() });
+                }
+                self.sums.iter_mut().zip(&found).for_each(|(sum, found)| sum.add(found));
+            }
+        }
+        self.norm = self.norm.max(stiffness_norm);
+        self.defect = self.defect.max(orthonormality_defect);
+        Ok(())
+    }
+
+    fn whole(self) -> Result<Whole, PartError> {
+        let Self { places, spaces, pairs, sums, norm, defect } = self;
+        let last = spaces.len();
+        let missing = |reason: String| PartError::Damaged { number: last, reason };
+        if let Some(row) = places.iter().position(|place| place.0 == u32::MAX) {
+            return Err(missing(format!("no part has unknown {row}")));
+        }
+        let pairs = pairs.ok_or_else(|| missing("it has no pairs".to_owned()))?;
+        let columns = spaces.first().map_or(0, SparseMatrix::columns);
+        let space = SparseMatrix::from_rows(
+            places.len(),
+            columns,
+            || (),
+            |(), row, entries| {
+                let (part, at) = places[row];
+                let (columns, values) = spaces[part as usize].row(at as usize);
+                entries.extend(columns.iter().copied().zip(values.iter().copied()));
+            },
+        );
+        Ok(Whole { space, pairs, sums, norm, defect })
+    }
+}
+
+/// Whether pairs are the same, but for rounding: sums over rows of several parts are of nothing otherwise.
+fn same_pairs(first: &EigenPairs, values: &[f64], coefficients: &DenseMatrix) -> bool {
+    let largest = first.values.last().map_or(0.0, |value| value.abs());
+    let near = |a: f64, b: f64, size: f64, share: f64| (a - b).abs() <= share * size;
+    let scale = first.vectors.values().iter().fold(0.0f64, |most, x| most.max(x.abs()));
+    first.values.len() == values.len()
+        && first.vectors.rows() == coefficients.rows()
+        && first
+            .values
+            .iter()
+            .zip(values)
+            .all(|(&a, &b)| near(a, b, largest.min(a.abs()).max(1e-3 * largest), SAME_VALUES))
+        && first.vectors.values().iter().zip(coefficients.values()).all(|(&a, &b)| near(a, b, scale, SAME_COEFFICIENTS))
+}
+
+#[cfg(test)]
+#[path = "parts_tests.rs"]
+mod tests;
