@@ -30,7 +30,7 @@ const MISSED: f64 = 1e-4;
 const CLOSE: f64 = 1e-6;
 
 /// Factors that take more multiplications than this, half a minute on one thread, are made only where somebody insists.
-const MOST_OPERATIONS: f64 = 2e11;
+const MOST_OPERATIONS: f64 = 1e11;
 
 /// A surface that fields are designed on, with what finds a face by a point.
 #[derive(Debug)]
