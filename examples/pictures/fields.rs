@@ -79,7 +79,7 @@ fn ink(
 ) -> Result<(), Failure> {
     let style = HatchingStyle { stroke: width, tone: None, outline, swelling: false };
     let hatched = HatchedLines { lines, kinds: 1, crossing: &[], levels: 1 };
-    plate.ink(&hatch(&setting.surface.surface, hatched, camera, &style).ok_or("nothing is seen")?, colour);
+    plate.ink(&hatch(&setting.surface.surface, hatched, camera, &style, &Unwatched)?.ok_or("nothing is seen")?, colour);
     Ok(())
 }
 

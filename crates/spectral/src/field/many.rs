@@ -20,6 +20,9 @@ use super::design::{Constraint, DesignError, DesignModel, EnergyWeights, FIRM, H
 use super::slack::{self, Yield};
 use crate::basis::FieldBasis;
 
+/// Columns of an inverse, by their numbers.
+type Columns = HashMap<usize, Arc<Vec<f64>>>;
+
 /// Constrained numbers beyond this share of the dimension go into the matrix.
 const MANY: f64 = 0.25;
 
@@ -69,7 +72,7 @@ struct Base {
     held: Vec<Held>,
     factor: DefiniteFactor,
     /// Columns of its inverse.
-    columns: Mutex<HashMap<usize, Arc<Vec<f64>>>>,
+    columns: Mutex<Columns>,
 }
 
 /// The entries of the rows of a face, column by column.
@@ -389,12 +392,7 @@ impl More<'_> {
     }
 
     /// By columns of the inverse that are known.
-    fn by_columns(
-        &self,
-        base: &Base,
-        columns: &HashMap<usize, Arc<Vec<f64>>>,
-        pulls: &[f64],
-    ) -> Result<Vec<f64>, DesignError> {
+    fn by_columns(&self, base: &Base, columns: &Columns, pulls: &[f64]) -> Result<Vec<f64>, DesignError> {
         let (b, k) = (self.b, self.b * self.faces.len());
         let mut solved = DenseMatrix::zeros(self.d, 1);
         solved.column_mut(0).copy_from_slice(pulls);
@@ -428,7 +426,7 @@ impl More<'_> {
 
 impl Base {
     /// The columns of `H⁻¹` that some rows take, which are kept; `None` where there are too many.
-    fn columns(&self, more: &More<'_>) -> Result<Option<HashMap<usize, Arc<Vec<f64>>>>, DesignError> {
+    fn columns(&self, more: &More<'_>) -> Result<Option<Columns>, DesignError> {
         let mut wanted: Vec<usize> = more.rows.iter().flatten().map(|entry| entry.0).collect();
         wanted.sort_unstable();
         wanted.dedup();
@@ -438,7 +436,7 @@ impl Base {
         }
         let lock = || self.columns.lock().unwrap_or_else(PoisonError::into_inner);
         // Taken along now: whoever else designs may clear what is kept before the others are made.
-        let mut found: HashMap<usize, Arc<Vec<f64>>> = {
+        let mut found: Columns = {
             let kept = lock();
             wanted.iter().filter_map(|column| Some((*column, kept.get(column)?.clone()))).collect()
         };

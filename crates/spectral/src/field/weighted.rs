@@ -69,7 +69,7 @@ enum Inverse {
     /// In Ritz coordinates; zero in the kernel.
     Ritz(Vec<f64>),
     /// In the coefficients of the space.
-    Sparse(Nearby),
+    Sparse(Box<Nearby>),
 }
 
 impl DesignModel {
@@ -118,7 +118,7 @@ impl DesignModel {
             (Inverse::Ritz(inverse), kernel, None)
         } else {
             let (inverse, pencil) = self.sparse_inverse(weights, uniform, &alignments)?;
-            (Inverse::Sparse(inverse), Vec::new(), Some(pencil))
+            (Inverse::Sparse(Box::new(inverse)), Vec::new(), Some(pencil))
         };
         let d = self.dimension();
         let pull = |fields: &[(&Alignment, f64)]| {
