@@ -85,8 +85,8 @@ pub fn hodge_spectrum(
     }
 }
 
-/// The least tolerance that rounding leaves room for.
-const LEAST_TOLERANCE: f64 = 1e-12;
+/// The least tolerance that a scalar problem may have.
+const LEAST_TOLERANCE: f64 = 1e-10;
 
 /// The same with the tolerance for the scalar problems.
 fn spectrum_of_scalars(
