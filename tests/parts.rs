@@ -96,6 +96,45 @@ fn check(job: &Value, basis: &Value, parts: usize, known: &[f64]) {
     }
 }
 
+/// Parts of the surface: all make the pairs, and each measures them on its own vertices.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_approximation_in_parts_has_the_values_of_a_whole_one_and_bounds_beside_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(folder.path(), &["--workers", "2"]);
+    let mesh = server.upload_off(process::torus_of(160, 80)).await;
+    let of = |name: &str, parts: Value| json!({"method": "approximate", "count": 20, "accuracy": 0.02, name: 60, "parts": parts});
+    let mut bases = Vec::new();
+    for (seed, parts) in [(0, Value::Null), (1, json!(3))] {
+        let mut wanted = of("dimension", parts.clone());
+        wanted["seed"] = seed.into();
+        let done = server.submit_with(&mesh, wanted).await.unwrap();
+        let done = server.finished(&done).await;
+        assert_eq!(done["status"], "succeeded", "{done}");
+        assert_eq!(done["parts"].is_null(), parts.is_null(), "{done}");
+        bases.push(server.basis_of(&done).await);
+    }
+    let [whole, parts] = &bases[..] else { panic!("two bases") };
+    let told = parts["details"]["parts"].as_array().unwrap_or_else(|| panic!("{}", parts["details"]));
+    assert_eq!(told.len(), 3);
+    assert_eq!(told.iter().map(|part| part["unknowns"].as_u64().unwrap()).sum::<u64>(), 160 * 80, "{told:?}");
+    assert!(parts["details"]["fallbacks"].is_null(), "{}", parts["details"]);
+    let numbers = |basis: &Value, name: &str| -> Vec<f64> {
+        let list = if name == "eigenvalues" { &basis[name] } else { &basis["certificate"][name] };
+        list.as_array().unwrap_or_else(|| panic!("{name}: {basis}")).iter().map(|x| x.as_f64().unwrap()).collect()
+    };
+    let (values, bounds) = (numbers(whole, "eigenvalues"), numbers(whole, "bounds"));
+    // Another seed is other work, and its samples are others: values agree as far as they are exact, and each bound reaches to the other value.
+    for (k, (found, bound)) in numbers(parts, "eigenvalues").iter().zip(numbers(parts, "bounds")).enumerate() {
+        let apart = (found - values[k]).abs();
+        assert!(
+            apart <= 0.02 * values[k].max(1.0) && apart <= bound + bounds[k] + 1e-9,
+            "pair {k}: {found} {} {bound}",
+            values[k]
+        );
+    }
+    server.until_no_parts().await;
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_job_in_parts_has_the_pairs_of_a_whole_one() {
     let folder = tempfile::tempdir().unwrap();

@@ -126,8 +126,10 @@ pub struct EigenbasisDetails {
 struct SolvedPart {
     /// Which one, from 1.
     part: u64,
-    /// Its pairs, those that it shares with its neighbours included; 0 where it was given up.
+    /// Its pairs, those that it shares with its neighbours included; 0 where it was given up, and of an approximation, whose parts are of the surface.
     pairs: u64,
+    /// Of an approximation, the vertices on which it measured all pairs; else 0.
+    unknowns: Option<u64>,
     /// Seconds that it took.
     seconds: f64,
     /// Threads that solved it.
@@ -214,7 +216,7 @@ pub struct VibrationBasisDetails {
 #[allow(dead_code)]
 pub struct PencilBasisDetails {
     /// Rows that are not fixed.
-    unknowns: u64,
+    unknowns: Option<u64>,
     /// The multiple c of the mass that residuals ‖Sx − λMx‖ / ‖(S + cM)x‖ are relative to.
     moved: f64,
     /// What solved its dense problems; absent where no graphics card had to do with it.

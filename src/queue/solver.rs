@@ -173,6 +173,7 @@ fn solve_part(
     let about = serde_json::json!({
         "part": number + 1,
         "pairs": slices.iter().map(|slice| slice.values.len()).sum::<usize>(),
+        "unknowns": made.part.share.as_ref().map_or(0, |share| share.rows.len()),
         "seconds": made.seconds.iter().map(|(_, seconds)| seconds).sum::<f64>(),
         "threads": rayon::current_num_threads(),
     });

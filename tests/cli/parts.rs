@@ -125,7 +125,9 @@ fn parts_of_a_surface_become_the_basis_of_the_whole() {
         .map(|number| {
             let (path, which) = (folder.path().join(format!("{number}.npz")), format!("{number}/3"));
             let line = solved(&["--part", &which, "-o", text(&path), "--threads", if number == 1 { "1" } else { "2" }]);
-            assert_eq!(line["unknowns"], 1000, "{line}");
+            // Parts differ in size by a few unknowns.
+            let (own, all) = (line["unknowns"].as_u64().unwrap(), whole["vertices"].as_u64().unwrap());
+            assert!(own.abs_diff(all / 3) <= 3, "{line}");
             path
         })
         .collect();
