@@ -3017,7 +3017,7 @@ export interface components {
             parts?: {
                 /**
                  * Format: int64
-                 * @description Its pairs, those that it shares with its neighbours included; 0 where it was given up.
+                 * @description Its pairs, those that it shares with its neighbours included; 0 where it was given up, and of an approximation, whose parts are of the surface.
                  */
                 pairs: number;
                 /**
@@ -3035,6 +3035,11 @@ export interface components {
                  * @description Threads that solved it.
                  */
                 threads: number;
+                /**
+                 * Format: int64
+                 * @description Of an approximation, the vertices on which it measured all pairs; else 0.
+                 */
+                unknowns: number | null;
             }[];
         };
         /** @description A job to be done. Of the kind `eigenbasis`. */
@@ -5320,7 +5325,7 @@ export interface components {
              * Format: int64
              * @description Rows that are not fixed.
              */
-            unknowns: number;
+            unknowns: number | null;
         };
         /** @description A job to be done. Of the kind `pencil_basis`. */
         PencilBasisJobRequest: {
