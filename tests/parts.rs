@@ -102,11 +102,11 @@ async fn an_approximation_in_parts_has_the_values_of_a_whole_one_and_bounds_besi
     let folder = tempfile::tempdir().unwrap();
     let server = Server::start(folder.path(), &["--workers", "2"]);
     let mesh = server.upload_off(process::torus_of(160, 80)).await;
-    let of = |name: &str, parts: Value| json!({"method": "approximate", "count": 20, "accuracy": 0.02, name: 60, "parts": parts});
     let mut bases = Vec::new();
     for (seed, parts) in [(0, Value::Null), (1, json!(3))] {
-        let mut wanted = of("dimension", parts.clone());
-        wanted["seed"] = seed.into();
+        let wanted = json!({
+            "method": "approximate", "count": 20, "dimension": 60, "accuracy": {"goal": 0.02}, "seed": seed, "parts": parts,
+        });
         let done = server.submit_with(&mesh, wanted).await.unwrap();
         let done = server.finished(&done).await;
         assert_eq!(done["status"], "succeeded", "{done}");
