@@ -134,9 +134,13 @@ pub fn collect(arguments: MapCollectionArguments) -> Result<ExitCode, CliError> 
     }
     let cycles = &found.cycles;
     let cycles = json!({"pairs": cycles.pairs, "triples": cycles.triples, "largest": cycles.largest});
-    remove_stale(&arguments.output, &told);
+    let stale = stale(&arguments.output, &told);
     let whole = json!({"meshes": arguments.meshes, "maps": told, "cycles": cycles});
     list.write(|out| Ok(writeln!(out, "{whole:#}")?))?;
+    for path in stale {
+        // One that is gone already is as it should be.
+        let _removed = std::fs::remove_file(path);
+    }
     let text = if arguments.json { format!("{whole}\n") } else { table(&found, &solved, &names, &arguments.output) };
     std::io::stdout().write_all(text.as_bytes()).map_err(CliError::stdout)?;
     Ok(ExitCode::SUCCESS)
@@ -217,24 +221,19 @@ impl Drop for Folder<'_> {
     }
 }
 
-/// Removes the maps of an earlier collection that are listed in the `maps.json` which is about to be replaced, and in no list any more then.
-fn remove_stale(folder: &Path, told: &[Value]) {
+/// The maps of an earlier collection that are listed in the `maps.json` which is about to be replaced, and in no list any more then.
+fn stale(folder: &Path, told: &[Value]) -> Vec<PathBuf> {
     let files = |maps: &[Value]| -> HashSet<String> {
         let names = maps.iter().flat_map(|map| [&map["points"], &map["confidences"]]);
         names.filter_map(Value::as_str).map(str::to_owned).collect()
     };
     let earlier = std::fs::read(folder.join("maps.json")).ok();
     let earlier: Option<Value> = earlier.and_then(|bytes| serde_json::from_slice(&bytes).ok());
-    let Some(earlier) = earlier.as_ref().and_then(|list| list["maps"].as_array()) else { return };
-    let current = files(told);
-    for name in files(earlier).difference(&current) {
-        let is_ours =
-            name.contains("-to-") && name.ends_with(".npy") && Path::new(name).file_name() == Some(name.as_ref());
-        if is_ours {
-            // One that is gone already is as it should be.
-            let _removed = std::fs::remove_file(folder.join(name));
-        }
-    }
+    let Some(earlier) = earlier.as_ref().and_then(|list| list["maps"].as_array()) else { return Vec::new() };
+    let is_ours = |name: &&String| {
+        name.contains("-to-") && name.ends_with(".npy") && Path::new(name).file_name() == Some(name.as_ref())
+    };
+    files(earlier).difference(&files(told)).filter(is_ours).map(|name| folder.join(name)).collect()
 }
 
 /// What shapes are called in the names of files: as their own files without endings, and with their places before where two would be called the same.
@@ -307,18 +306,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn maps_that_no_list_names_any_more_are_removed_and_nothing_else_is() {
+    fn maps_that_no_list_names_any_more_are_stale_and_nothing_else_is() {
         let folder = tempfile::tempdir().unwrap();
         let map =
             |from: &str, to: &str| json!({"points": format!("{from}-to-{to}.npy"), "confidences": "../a-to-x.npy"});
+        assert!(stale(folder.path(), &[map("a", "b")]).is_empty());
         let list = json!({"maps": [map("a", "b"), map("a", "c")]});
         std::fs::write(folder.path().join("maps.json"), list.to_string()).unwrap();
-        for name in ["a-to-b.npy", "a-to-c.npy", "mine-to-keep.npy"] {
-            std::fs::write(folder.path().join(name), name).unwrap();
-        }
-        remove_stale(folder.path(), &[map("a", "b")]);
-        let left = |name: &str| folder.path().join(name).exists();
-        assert!(left("a-to-b.npy") && left("mine-to-keep.npy") && !left("a-to-c.npy"));
+        assert_eq!(stale(folder.path(), &[map("a", "b")]), [folder.path().join("a-to-c.npy")]);
+        // Those outside of the folder are nobody's business, listed or not.
+        assert_eq!(stale(folder.path(), &[]).len(), 2);
     }
 
     #[test]

@@ -183,9 +183,7 @@ impl<D: Fn(u32) -> f64 + Sync, S: Fn(u32) -> bool + Sync> Slopes<'_, D, S> {
         let (a, b, c) = (q - r, r - p, p - q);
         let energy = f * a * a + g * b * b + h * c * c;
         let rates = [g * b - h * c, h * c - f * a, f * a - g * b].map(|rate| rate / area);
-        (area > 0.0 && energy > 0.0)
-            .then(|| Fall { rates, slope: energy / area })
-            .map(|fall| Fall { slope: fall.slope.sqrt(), ..fall })
+        (area > 0.0 && energy > 0.0).then(|| Fall { rates, slope: (energy / area).sqrt() })
     }
 
     /// The length of a step by barycentric coordinates, whose sum is zero.

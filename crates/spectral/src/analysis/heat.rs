@@ -184,30 +184,32 @@ impl HeatGeodesics {
     /// By how much slopes of the column that `potential` begins with differ from one where its sources lead to: on average over the surface, or along paths
     /// from all over it to its sources, whichever is more.
     fn slope_error(&self, potential: &[f64], width: usize, sources: &[u32]) -> Option<f64> {
-        let n = self.vertices();
-        let (mut reached, mut is_source, mut bases) = (vec![false; n], vec![false; n], vec![f64::INFINITY; n]);
         let value = |place: u32| potential[place as usize * width];
-        for &source in sources {
-            let (place, component) = (self.place[source as usize], self.component[source as usize] as usize);
-            (reached[component], is_source[place as usize]) = (true, true);
-            bases[component] = bases[component].min(value(place));
-        }
-        let component = |place: u32| self.component_at[place as usize] as usize;
-        let everywhere = self.gradients.slope_error(value, |place| reached[component(place)]);
-        let distance = |place: u32| value(place) - bases[component(place)];
+        let (bases, mut is_source) = (self.bases(potential, width, sources), vec![false; self.vertices()]);
+        sources.iter().for_each(|&source| is_source[self.place[source as usize] as usize] = true);
+        let base = |place: u32| bases[self.component_at[place as usize] as usize];
+        let is_reached = |place: u32| base(place) < f64::INFINITY;
+        let everywhere = self.gradients.slope_error(value, is_reached);
+        let distance = |place: u32| value(place) - base(place);
         let slopes = Slopes { triangles: &self.gradients, distance, is_source: |place: u32| is_source[place as usize] };
-        let along = slopes.error(|place| reached[component(place)]);
+        let along = slopes.error(is_reached);
         everywhere.into_iter().chain(along).reduce(f64::max)
+    }
+
+    /// The least value of the column that `potential` begins with at the sources in each component; infinite where there is none.
+    fn bases(&self, potential: &[f64], width: usize, sources: &[u32]) -> Vec<f64> {
+        let mut bases = vec![f64::INFINITY; self.vertices()];
+        for &source in sources {
+            let base = &mut bases[self.component[source as usize] as usize];
+            *base = base.min(potential[self.place[source as usize] as usize * width]);
+        }
+        bases
     }
 
     /// Distances of the column that `potential` begins with, zero at its sources.
     fn finish(&self, potential: &[f64], width: usize, sources: &[u32], distances: &mut [f64]) {
         let value = |vertex: u32| potential[self.place[vertex as usize] as usize * width];
-        let mut bases = vec![f64::INFINITY; self.vertices()];
-        for &source in sources {
-            let base = &mut bases[self.component[source as usize] as usize];
-            *base = base.min(value(source));
-        }
+        let bases = self.bases(potential, width, sources);
         for (vertex, distance) in distances.iter_mut().enumerate() {
             let base = bases[self.component[vertex] as usize];
             let known = base < f64::INFINITY;

@@ -88,7 +88,11 @@ pub(super) fn enclose(
     let (shift, below, radius) = anchor(&pencil, values, estimates, first..last, monitor)?;
     if !(radius < LARGEST_RADIUS * shift.abs()) {
         let (at, by) = (shift / problem.area, radius / problem.area);
-        let reason = format!("rounding makes the count of eigenvalues at {at} uncertain by {by:e}");
+        let reason = if by.is_finite() {
+            format!("rounding makes the count of eigenvalues at {at} uncertain by {by:e}")
+        } else {
+            format!("eigenvalues coincide at {at}, and there is no gap to count them in")
+        };
         return Err(ApproximationError::Unproven { reason });
     }
     // Ritz values lie above the eigenvalues of their index.
