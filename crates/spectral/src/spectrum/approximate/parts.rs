@@ -183,15 +183,21 @@ impl<'a> Parted<'a> {
             );
             return Ok(approximate(self.mesh, self.operator, &self.parameters, self.monitor)?);
         }
+        attempt.possible((-self.operator.floor).max(0.0), problem.area)?;
         let accuracy = self.parameters.goal.map(|goal| report(domain, &attempt, self.parameters.space, 0, goal.error));
         Ok(delivered(domain, self.operator, attempt, accuracy, None))
     }
 }
 
+/// Whether a stiffness is that of the cotangents of the mesh, but for rows of vertices that are held.
+pub(super) fn has_cotangents(operator: &MeshOperator) -> bool {
+    let of_triangles = operator.report.laplacian == Laplacian::Cotangent && operator.report.reason != Reason::Points;
+    of_triangles && operator.is_laplacian_but_for_the_held()
+}
+
 /// Whether an operator is a sum over triangles that falls apart into parts, or why it is not.
 pub(super) fn has_parts(operator: &MeshOperator) -> Result<(), &'static str> {
-    let of_triangles = operator.report.laplacian == Laplacian::Cotangent && operator.report.reason != Reason::Points;
-    if !of_triangles || !operator.is_laplacian_but_for_the_held() {
+    if !has_cotangents(operator) {
         return Err("parts are made of the triangles of the Laplacian by cotangents, and of no other operator");
     }
     match operator.problem.mass {

@@ -77,7 +77,7 @@ pub(in crate::spectrum) fn ritz(
 const DEPENDENT: [f64; 3] = [1e-5, 1e-4, 1e-3];
 
 /// Rounding may change no Ritz value by more than this share of the largest.
-const MOST_ROUNDING: f64 = 1e-6;
+pub(super) const MOST_ROUNDING: f64 = 1e-6;
 
 /// Whether some Ritz value is nothing but what rounding leaves of a sum of large terms: a combination of columns that all but cancel has next to no
 /// mass and next to no energy, and any quotient of the two.
@@ -94,6 +94,50 @@ fn lost_to_rounding(stiffness: &SparseMatrix, pairs: &EigenPairs) -> bool {
             .sum();
         4.0 * f64::EPSILON * terms > MOST_ROUNDING * largest
     })
+}
+
+/// A dense problem is solved with errors of this share of its largest value; so much of the largest wanted one is nothing.
+const PRECISION: f64 = 16.0 * f64::EPSILON;
+const NOTHING: f64 = 1e-9;
+
+/// Whether the wanted values may drown in the rounding errors of the largest ones: a column of a few vertices among needles has a quotient of energy and
+/// mass of 10^15, where its neighbours have one of 10.
+fn drowned(stiffness: &SparseMatrix, mass: &SparseMatrix, pairs: &EigenPairs) -> bool {
+    let wanted = pairs.values.last().map_or(0.0, |value| value.abs());
+    let diagonal = |matrix: &SparseMatrix, row: usize| {
+        let (columns, values) = matrix.row(row);
+        columns.binary_search(&(row as u32)).map_or(0.0, |at| values[at])
+    };
+    let quotient = |row| diagonal(stiffness, row) / diagonal(mass, row);
+    let largest = (0..stiffness.rows()).map(quotient).filter(|quotient| quotient.is_finite()).fold(0.0, f64::max);
+    PRECISION * largest > NOTHING * wanted
+}
+
+/// The same pairs from `M̄ x = μ (S̄ + σM̄) x`, whose largest values are the wanted ones, so that none drowns: `θ = 1/μ − σ`. What was found before where
+/// that cannot be solved.
+fn reversed(
+    solver: &dyn SymmetricDefiniteSolver,
+    stiffness: &SparseMatrix,
+    mass: &SparseMatrix,
+    found: EigenPairs,
+    monitor: &dyn Monitor,
+) -> Result<EigenPairs, EigenError> {
+    let sigma = found.values.last().map_or(0.0, |value| value.abs());
+    let (mut shifted, mut negative) = (stiffness.to_dense(), mass.to_dense());
+    shifted.values_mut().iter_mut().zip(negative.values()).for_each(|(s, m)| *s += sigma * m);
+    negative.values_mut().iter_mut().for_each(|m| *m = -*m);
+    let mut pairs = match solver.lowest(negative, shifted, found.values.len(), monitor) {
+        Ok(pairs) if pairs.values.iter().all(|&value| value < 0.0) => pairs,
+        Err(EigenError::Cancelled(cancelled)) => return Err(EigenError::Cancelled(cancelled)),
+        _ => return Ok(found),
+    };
+    for (k, value) in pairs.values.iter_mut().enumerate() {
+        // Vectors are of unit length in the shifted matrix, and are to be so in the mass.
+        let scale = (-*value).sqrt().recip();
+        pairs.vectors.column_mut(k).iter_mut().for_each(|x| *x *= scale);
+        *value = -1.0 / *value - sigma;
+    }
+    Ok(pairs)
 }
 
 /// The lowest `count` Ritz pairs in a space. Columns that depend on others are dropped.
@@ -120,6 +164,10 @@ pub(super) fn reduce_by(
         let (stiffness, mass) = galerkin(&space, &problem.stiffness, &problem.mass, monitor)?;
         monitor.stage("eigen");
         let solved = solver.lowest(stiffness.to_dense(), mass.to_dense(), count, monitor);
+        let solved = match solved {
+            Ok(pairs) if drowned(&stiffness, &mass, &pairs) => reversed(solver, &stiffness, &mass, pairs, monitor),
+            other => other,
+        };
         match &solved {
             Ok(pairs) if !lost_to_rounding(&stiffness, pairs) => {}
             Ok(_) | Err(EigenError::NotPositiveDefinite { .. }) => {
@@ -137,3 +185,7 @@ pub(super) fn reduce_by(
         return Ok(Ritz { space, mass, stiffness, pairs: solved? });
     }
 }
+
+#[cfg(test)]
+#[path = "reduce_tests.rs"]
+mod tests;
