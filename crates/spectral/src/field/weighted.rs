@@ -22,8 +22,10 @@ use super::pencil::{Pencil, Sum, floor};
 
 pub(super) use multipliers::{System, amounts_of_kernel};
 
-/// Ritz values below this share of the largest count as zero.
+/// Ritz values below this share of the largest count as zero, or below so much on unit area: a space that has fields without energy alone has no other
+/// values than what rounding leaves of these.
 const KERNEL: f64 = 1e-10;
+const LEAST: f64 = 1e-7;
 
 /// What the faces around a prescribed singularity give way, as such a share. A space is hardly able to give them all what they should have: forced
 /// to, it gets other singularities. Where a field does not have the singularity yet, its faces give way less.
@@ -155,13 +157,18 @@ impl DesignModel {
         })
     }
 
+    /// Ritz values up to this one count as zero.
+    fn least_value(&self) -> f64 {
+        (KERNEL * self.values().last().copied().unwrap_or(0.0)).max(LEAST)
+    }
+
     /// `K⁻¹` in Ritz coordinates, and those that have no energy.
     fn diagonal_inverse(&self, weights: EnergyWeights, uniform: f64) -> (Vec<f64>, Vec<usize>) {
         let values = self.values();
-        let largest = values.last().copied().unwrap_or(0.0);
+        let least = self.least_value();
         let mut kernel = Vec::new();
         let one = |(i, &value): (usize, &f64)| {
-            if uniform == 0.0 && value <= KERNEL * largest {
+            if uniform == 0.0 && value <= least {
                 kernel.push(i);
                 0.0
             } else {
