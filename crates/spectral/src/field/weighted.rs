@@ -27,6 +27,10 @@ pub(super) use multipliers::{System, amounts_of_kernel};
 const KERNEL: f64 = 1e-10;
 const LEAST: f64 = 1e-7;
 
+/// Spaces with more fields without energy, as those of many components, take all constraints into one system, however many there are: what holds such
+/// fields in the matrix of the energies would outweigh all else where a component has nothing but them.
+const MOST_IDLE: usize = 24;
+
 /// What the faces around a prescribed singularity give way, as such a share. A space is hardly able to give them all what they should have: forced
 /// to, it gets other singularities. Where a field does not have the singularity yet, its faces give way less.
 const AROUND: f64 = 1e-3;
@@ -317,7 +321,8 @@ impl WeightedModel {
         let uniform = self.alignments.iter().map(|alignment| alignment.1).sum();
         let (model, weights) = (&self.model, self.weights);
         let setting = Setting { model, basis, weights, uniform, inverse, kernel: &self.kernel };
-        if self.prescription.is_some() || !model.has_many(kept.len()) {
+        let few_idle = self.kernel.len() <= MOST_IDLE;
+        if self.prescription.is_some() || !few_idle || !model.has_many(kept.len()) {
             return Ok(None);
         }
         let mut force = vec![0.0; model.dimension()];
