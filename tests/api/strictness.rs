@@ -190,10 +190,18 @@ async fn a_stroke_on_a_mesh_of_two_faces_is_met_or_the_space_is_said_to_be_too_s
     let met: Value = met.json().await.unwrap();
     assert!(met["residuals"][0].as_f64().unwrap() < 1e-3 && met["harmonic_energy"].as_f64().unwrap() < 1e-6, "{met}");
     let small = basis_of(&app, "field_basis", &mesh, json!({"field": "n_vector", "n": 4, "dimension": 2})).await;
-    let refused = app.post(&format!("/v1/bases/{small}/design")).json(&stroke).send().await.unwrap();
-    let refused = problem(refused, 422, "invalid-design/dependent").await;
+    let design = |space: &str| {
+        let mut asked = stroke.clone();
+        asked["space"] = json!(space);
+        app.post(&format!("/v1/bases/{small}/design")).json(&asked).send()
+    };
+    let refused = problem(design("basis").await.unwrap(), 422, "invalid-design/dependent").await;
     let told = refused["detail"].as_str().unwrap();
     assert!(told.contains("too few dimensions") && !told.contains("hard"), "{told}");
+    // The surface has more.
+    let whole: Value = design("auto").await.unwrap().json().await.unwrap();
+    assert_eq!(whole["space"], "surface");
+    assert!(whole["residuals"][0].as_f64().unwrap() < 1e-3, "{whole}");
 }
 
 #[tokio::test]
