@@ -33,18 +33,29 @@ const MOST: f64 = 1e-3;
 
 /// What rounding makes of a zero: a share of the last value, or, where parts of a mesh differ in size, of the largest eigenvalue of all.
 pub(in crate::spectrum) fn rounding(problem: &EigenProblem, last: f64, share: f64) -> f64 {
+    by_rounding(problem, last, share).min(MOST * last)
+}
+
+/// The same, however large.
+fn by_rounding(problem: &EigenProblem, last: f64, share: f64) -> f64 {
     let mass = problem.mass.lumped();
     let own = |row: usize| problem.stiffness.row(row).1.iter().map(|entry| entry.abs()).sum::<f64>() / mass[row];
     let largest = (0..mass.len()).map(own).filter(|value| value.is_finite()).fold(0.0, f64::max);
-    (share * last).max(UNIT * largest).min(MOST * last)
+    (share * last).max(UNIT * largest)
 }
+
+/// A zero that rounding has made something of is less than this share of the first value that is none.
+const APART: f64 = 0.5;
 
 impl Ritz {
     /// With the lowest values exactly zero where constants on so many components are in the kernel: the functions of a space sum to one, and what a
-    /// dense solver finds instead is rounding. Values that are small for another reason can be told from them then.
+    /// dense solver finds instead is rounding, of single precision for a component next to nothing in size. Values that are small for another reason can
+    /// be told from them then.
     pub(super) fn with_zeros(mut self, problem: &EigenProblem, kernel: usize) -> Self {
         let values = &mut self.pairs.values;
-        let rounding = rounding(problem, values.last().copied().unwrap_or(0.0), ROUNDING);
+        let last = values.last().copied().unwrap_or(0.0);
+        let most = (MOST * last).max(values.get(kernel).map_or(0.0, |next| APART * next));
+        let rounding = by_rounding(problem, last, ROUNDING).min(most);
         if let Some(lowest) = values.get_mut(..kernel)
             && lowest.iter().all(|value| value.abs() <= rounding)
         {

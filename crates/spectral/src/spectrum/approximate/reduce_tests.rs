@@ -9,7 +9,7 @@ fn pencil() -> (SparseMatrix, SparseMatrix) {
     let value = |k: usize| if k + 1 == d { 1e17 } else { k as f64 };
     // `TᵀΛT` and `TᵀT`, where `T` adds shares of the last column to the others.
     let share = |k: usize| if k + 1 == d { 1.0 } else { 0.1 + 0.02 * k as f64 };
-    let of = |weight: &dyn Fn(usize) -> f64| {
+    let of = |weight: &(dyn Fn(usize) -> f64 + Sync)| {
         SparseMatrix::from_rows(
             d,
             d,
