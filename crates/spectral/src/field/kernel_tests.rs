@@ -97,7 +97,8 @@ fn plates_with_one_column_and_with_several_are_filled_with_what_is_asked_for_on_
                     let field = basis.space.lift(&design.coefficients).unwrap();
                     for (face, own) in field.chunks_exact(b).enumerate() {
                         let plate = face / each;
-                        let wanted = if plate % step == 0 { norm(value(plate).into_iter().take(b)) } else { 0.0 };
+                        let wanted =
+                            if plate.is_multiple_of(step) { norm(value(plate).into_iter().take(b)) } else { 0.0 };
                         let own = norm(own.iter().map(|&x| f64::from(x)));
                         assert!((own - wanted).abs() < 1e-3, "{said}, plate {plate}: {own} and not {wanted}");
                     }

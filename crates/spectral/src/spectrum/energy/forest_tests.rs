@@ -7,12 +7,7 @@ use chladni_mesh::TriangleMesh;
 use chladni_mesh::shape::{Shape, generate, noisy};
 
 fn operator_of(mesh: &TriangleMesh, boundary: Boundary) -> MeshOperator {
-    let parameters = OperatorParameters {
-        operator: OperatorKind::Laplace,
-        boundary,
-        mass: MassKind::Barycentric,
-        ..Default::default()
-    };
+    let parameters = OperatorParameters { operator: OperatorKind::Laplace, boundary, mass: MassKind::Barycentric };
     assemble(mesh, &parameters, &Unwatched).unwrap()
 }
 
