@@ -274,7 +274,7 @@ impl Run {
             text += &around_of(certificate.first, around);
         }
         if let Some(cut) = certificate.cut {
-            text += &cut_of(cut, self.basis.eigenvalues.len());
+            text += &cut_of(cut, certificate.first..certificate.first + self.basis.eigenvalues.len());
         }
         if let Some(moved) = self.basis.metadata["moved"].as_f64().filter(|moved| *moved != 0.0) {
             text += &format!("\nresiduals are relative to (S + cM) x with c = {}\n", number(moved));
