@@ -21,9 +21,9 @@ async fn what_cannot_be_designed_is_a_problem_that_names_it() {
         (json!({"constraints": [{"face": 5, "frame_direction": [0.0, 0.0]}]}), "direction", "constraints[0]"),
         (json!({"constraints": [at(7, &up), at(7, &json!([1.0, 0.0, 0.0]))]}), "contradiction", "face 7"),
         (
-            json!({"constraints": (0..9).map(|f| at(f, &up)).collect::<Vec<_>>(), "space": "basis"}),
+            json!({"constraints": (0..40).map(|f| at(f, &up)).collect::<Vec<_>>(), "space": "basis"}),
             "dependent",
-            "strokes in place of some",
+            "face",
         ),
         (json!({"strokes": [{"direction": up}]}), "face", "missing"),
         (json!({"strokes": [{"face": 1, "point": [0, 0, 1], "direction": up}]}), "face", "not both"),

@@ -13,7 +13,7 @@
 //! 2 yᵀr − yᵀAy  ≤  ‖r‖²_{A⁻¹}  ≤  2 yᵀr − yᵀAy + (r − Ay)ᵀ B⁻¹ (r − Ay),
 //! ```
 //!
-//! and `y` comes from a multigrid cycle or two. `B` is below `A` and easily inverted: `σM`, and what of `S` makes a [`forest`]. What the best multiple of `y` would take off the Ritz value,
+//! and `y` comes from a multigrid cycle or two. `B` is below `A` and easily inverted: `σM`, and what of `S` makes a forest. What the best multiple of `y` would take off the Ritz value,
 //! `(yᵀr)² / yᵀ(S − θM)y`, estimates its error. Rounding is part of the upper end: row by row, what the sums in double precision may err by, and
 //! what storing `r` in single precision changes.
 

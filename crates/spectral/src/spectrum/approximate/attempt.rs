@@ -42,9 +42,9 @@ const LARGEST_DEFECT: f64 = 1e-3;
 /// In a solid of more unknowns than this nobody looks for hidden eigenfunctions unasked: the factor takes longer than everything else.
 pub const MOST_COUNTED_IN_SOLID: usize = 20_000;
 
-/// The least that a Ritz value may be, up to rounding, where no eigenvalue lies below `−floor`.
+/// The least that a Ritz value may be, up to rounding, where no eigenvalue lies below `−floor`. On unit area 1 is little, and all may be zero.
 fn possible_from(floor: f64, values: &[f64]) -> f64 {
-    -floor - MOST_ROUNDING * values.last().map_or(0.0, |value| value.abs())
+    -floor - MOST_ROUNDING * values.last().map_or(1.0, |value| value.abs().max(1.0))
 }
 
 /// What may still help.

@@ -75,5 +75,6 @@ fn a_value_below_all_that_are_possible_is_no_result() {
     assert!(error.to_string().contains("a value of -2.000e0 came out, and none can lie below 0.000e0"), "{error}");
     // What rounding leaves of zero is possible, and so is what a potential allows.
     assert!(attempt(vec![-1e-9, 7.0]).possible(0.0, 1.0).is_ok());
+    assert!(attempt(vec![-1e-15, 1e-14]).possible(0.0, 1.0).is_ok());
     assert!(wrong.possible(5.0, 1.0).is_ok());
 }
