@@ -39,7 +39,8 @@ const MOST_ENTRIES_A_ROW: usize = 24;
 
 /// `S̄ = UᵀSU` and `M̄ = UᵀMU`, `d × d`, both triangles stored and symmetric to the last bit.
 ///
-/// `space` is `U`, `n × d`, about fifteen entries a row; `stiffness` is symmetric. Entries that are exactly zero are left out.
+/// `space` is `U`, `n × d`, about fifteen entries a row; `stiffness` is symmetric. Entries that are exactly zero are left out. Where functions are local, a
+/// row of `S` whose entries sum to zero but for rounding is taken to sum to zero.
 ///
 /// # Errors
 /// [`GalerkinError`]: sizes that do not fit, or the work was cancelled.

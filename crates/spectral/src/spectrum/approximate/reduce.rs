@@ -114,7 +114,7 @@ const NOTHING: f64 = 1e-9;
 /// Whether the wanted values may drown in the rounding errors of the largest ones: a column of a few vertices among needles has a quotient of energy and
 /// mass of 10^15, where its neighbours have one of 10.
 fn drowned(stiffness: &SparseMatrix, mass: &SparseMatrix, pairs: &EigenPairs) -> bool {
-    let wanted = pairs.values.last().map_or(0.0, |value| value.abs());
+    let wanted = size_of(pairs);
     let diagonal = |matrix: &SparseMatrix, row: usize| {
         let (columns, values) = matrix.row(row);
         columns.binary_search(&(row as u32)).map_or(0.0, |at| values[at])
@@ -124,24 +124,30 @@ fn drowned(stiffness: &SparseMatrix, mass: &SparseMatrix, pairs: &EigenPairs) ->
     PRECISION * largest > NOTHING * wanted
 }
 
-/// The same pairs from `M̄ x = μ (S̄ + σM̄) x`, whose largest values are the wanted ones, so that none drowns: `θ = 1/μ − σ`. What was found before where
-/// that cannot be solved.
+/// The size of wanted values: on unit area no less than 1, since all of them may be zero.
+fn size_of(pairs: &EigenPairs) -> f64 {
+    pairs.values.last().map_or(1.0, |value| value.abs().max(1.0))
+}
+
+/// The same pairs from `M̄ x = μ (S̄ + σM̄) x`, whose largest values are the wanted ones, so that none drowns: `θ = 1/μ − σ`.
+///
+/// # Errors
+/// [`EigenError`]: a shifted matrix or a mass that is not definite, or cancellation. What has drowned is no result.
 fn reversed(
     solver: &dyn SymmetricDefiniteSolver,
     stiffness: &SparseMatrix,
     mass: &SparseMatrix,
-    found: EigenPairs,
+    found: &EigenPairs,
     monitor: &dyn Monitor,
 ) -> Result<EigenPairs, EigenError> {
-    let sigma = found.values.last().map_or(0.0, |value| value.abs());
+    let sigma = size_of(found);
     let (mut shifted, mut negative) = (stiffness.to_dense(), mass.to_dense());
     shifted.values_mut().iter_mut().zip(negative.values()).for_each(|(s, m)| *s += sigma * m);
     negative.values_mut().iter_mut().for_each(|m| *m = -*m);
-    let mut pairs = match solver.lowest(negative, shifted, found.values.len(), monitor) {
-        Ok(pairs) if pairs.values.iter().all(|&value| value < 0.0) => pairs,
-        Err(EigenError::Cancelled(cancelled)) => return Err(EigenError::Cancelled(cancelled)),
-        _ => return Ok(found),
-    };
+    let mut pairs = solver.lowest(negative, shifted, found.values.len(), monitor)?;
+    if let Some(pivot) = pairs.values.iter().position(|&value| !(value < 0.0)) {
+        return Err(EigenError::NotPositiveDefinite { pivot });
+    }
     for (k, value) in pairs.values.iter_mut().enumerate() {
         // Vectors are of unit length in the shifted matrix, and are to be so in the mass.
         let scale = (-*value).sqrt().recip();
@@ -176,7 +182,7 @@ pub(super) fn reduce_by(
         monitor.stage("eigen");
         let solved = solver.lowest(stiffness.to_dense(), mass.to_dense(), count, monitor);
         let solved = match solved {
-            Ok(pairs) if drowned(&stiffness, &mass, &pairs) => reversed(solver, &stiffness, &mass, pairs, monitor),
+            Ok(pairs) if drowned(&stiffness, &mass, &pairs) => reversed(solver, &stiffness, &mass, &pairs, monitor),
             other => other,
         };
         match &solved {

@@ -36,7 +36,7 @@ fn wanted_values_do_not_drown_in_the_rounding_errors_of_the_largest() {
     let worst = |values: &[f64]| values.iter().zip(0..).map(|(v, k)| (v - f64::from(k)).abs()).fold(0.0, f64::max);
     assert!(worst(&direct.values) > 1e-3, "the case is no case: {:?}", direct.values);
     assert!(drowned(&stiffness, &mass, &direct));
-    let found = reversed(&CpuSolver, &stiffness, &mass, direct, &Unwatched).unwrap();
+    let found = reversed(&CpuSolver, &stiffness, &mass, &direct, &Unwatched).unwrap();
     assert!(worst(&found.values) < 1e-9, "{:?}", found.values);
     let x = &found.vectors;
     let products = |matrix: &SparseMatrix| x.transposed_times(&matrix.multiply_dense(x));
@@ -52,6 +52,25 @@ fn wanted_values_do_not_drown_in_the_rounding_errors_of_the_largest() {
     let (few, of_few) = (stiffness.select_rows(&[0, 1, 2]), mass.select_rows(&[0, 1, 2]));
     let fair = EigenPairs { values: vec![0.0, 1.0, 2.0], ..found };
     assert!(!drowned(&few, &of_few, &fair));
+}
+
+#[test]
+fn what_has_drowned_is_no_result_where_it_cannot_be_solved_for_either_way() {
+    let diagonal =
+        |values: [f64; 3]| SparseMatrix::from_sorted_parts(3, 3, vec![0, 1, 2, 3], vec![0, 1, 2], values.to_vec());
+    let pairs = |values: Vec<f64>| {
+        let vectors = chladni_algebra::DenseMatrix::zeros(3, values.len());
+        EigenPairs { values, vectors, computed_on: ComputedOn::default() }
+    };
+    // All that is wanted is zero, and one column weighs much.
+    let (stiffness, mass) = (diagonal([0.0, 0.0, 1e17]), diagonal([1.0, 2.0, 1.0]));
+    let zeros = pairs(vec![3.0, -5.0]);
+    assert!(drowned(&stiffness, &mass, &pairs(vec![0.0, 0.0])));
+    let found = reversed(&CpuSolver, &stiffness, &mass, &zeros, &Unwatched).unwrap();
+    assert!(found.values.iter().all(|value| value.abs() < 1e-12), "{:?}", found.values);
+    let wrong = diagonal([1.0, -2.0, 1.0]);
+    let error = reversed(&CpuSolver, &stiffness, &wrong, &zeros, &Unwatched).unwrap_err();
+    assert!(matches!(error, EigenError::NotPositiveDefinite { .. }), "{error}");
 }
 
 #[test]

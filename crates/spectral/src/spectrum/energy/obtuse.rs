@@ -64,7 +64,7 @@ impl Obtuse {
         Self { changes }
     }
 
-    /// What may be taken of the edges of a row to rows of higher numbers, of which the weights are asked for by ascending numbers.
+    /// What obtuse triangles change of the edges from a row to rows of higher numbers.
     pub(super) fn row(&self, row: u32) -> OfRow<'_> {
         let from = self.changes.partition_point(|change| change.ends.0 < row);
         let length = self.changes[from..].iter().take_while(|change| change.ends.0 == row).count();
