@@ -1,7 +1,8 @@
 //! An approximation in parts of the surface that know nothing of each other, as for several machines.
 //!
 //! Columns and their dense eigenproblem are a small part of the work, and every part makes them anew: they are functions of mesh and parameters alone,
-//! so that all have the same pairs, however many parts there are. What is most of the work, and grows with the mesh, is to say how right the pairs are.
+//! so that all have the same pairs, however many parts there are. It holds a piece of them at a time, and the rows of the operator that belong to it
+//! (`by_rows.rs`). What is most of the work, and grows with the mesh, is to say how right the pairs are.
 //! That is a sum over vertices, and each part has its own: it measures what the pairs miss there (`energy/part.rs`), and keeps its rows of the
 //! subspace. The join puts rows one below the other, adds up, and concludes as for a whole.
 //!
@@ -12,14 +13,16 @@ use rayon::prelude::*;
 use super::super::certificate::{KERNEL, certificate_of, gram_defect};
 use super::super::domain::Domain;
 use super::super::energy::{Energy, PairShare, measures};
-use super::super::hsim::parts::{PartError, check_plan, fingerprint};
+use super::super::hsim::is_balanced;
+use super::super::hsim::parts::{PartError, check_plan, fingerprint, probes};
 use super::attempt::Attempt;
-use super::reduce::{Ritz, reduce_by};
+use super::by_rows::{self, ROWS_OF_PIECE, Survey, stacked, with_neighbours};
+use super::reduce::{Ritz, reduce_by, solve_restricted};
 use super::space::initial_space;
 use super::{ApproximationError, ApproximationParameters, FEW_VERTICES, approximate};
-use super::{CertificateError, delivered, most_columns, pairs_with_guards, report};
-use crate::basis::{Basis, NUMBERS_OF_SHARE, Part, PartPlan, PartShare};
-use crate::operator::{EigenProblem, Laplacian, MassMatrix, MeshOperator, Reason};
+use super::{CertificateError, delivered, most_columns, pairs_beside, pairs_with_guards, report};
+use crate::basis::{Basis, Fingerprint, NUMBERS_OF_SHARE, Part, PartPlan, PartShare};
+use crate::operator::{EigenProblem, Laplacian, LaplacianByRows, MassMatrix, MeshOperator, Reason};
 use chladni_algebra::{
     ComputedOn, CpuSolver, DenseMatrix, EigenError, EigenPairs, SparseMatrix, SymmetricDefiniteSolver,
 };
@@ -39,14 +42,25 @@ const SAME_VALUES: f64 = 1e-9;
 /// The same of the entries of coefficients, relative to the largest of all.
 const SAME_COEFFICIENTS: f64 = 1e-7;
 
+/// From so many unknowns on a goal that parts miss is told, and not reached in one piece: who divides as much has no room for one.
+pub const TOLD_FROM: usize = super::MEASURED_IN_PARTS_FROM;
+
 /// An approximation and its plan.
 pub struct Parted<'a> {
     mesh: &'a TriangleMesh,
-    operator: &'a MeshOperator,
+    source: Source<'a>,
     parameters: ApproximationParameters,
     kernel: usize,
     plan: PartPlan,
     monitor: &'a dyn Monitor,
+}
+
+/// Where the matrices come from.
+enum Source<'a> {
+    /// All of them are there.
+    Whole(&'a MeshOperator),
+    /// Rows are made where they are asked for; and the largest sum of magnitudes in a row over its mass.
+    ByRows(&'a LaplacianByRows<'a>, f64),
 }
 
 impl<'a> Parted<'a> {
@@ -63,38 +77,53 @@ impl<'a> Parted<'a> {
         version: &str,
         monitor: &'a dyn Monitor,
     ) -> Result<Self, PartError> {
-        let problem = &operator.problem;
-        let n = problem.size();
-        let unsuited = |reason: String| Err(PartError::Unsuited { reason });
-        if parameters.certify {
-            return unsuited("\"certify\" counts eigenvalues of the whole".to_owned());
-        }
         if let Err(reason) = has_parts(operator) {
-            return unsuited(reason.to_owned());
+            return Err(PartError::Unsuited { reason: reason.to_owned() });
         }
-        let d = parameters.dimension.max(parameters.count);
-        if n < FEW_VERTICES * d {
-            let reason = format!("{n} unknowns are few for {d} functions: {} are needed", FEW_VERTICES * d);
-            return unsuited(reason);
-        }
-        let parts = parts.unwrap_or((n / NATURAL).max(1));
-        if parts == 0 || parts > n.min(MOST_PARTS) {
-            return unsuited(format!("{n} unknowns make at most {} parts, not {parts}", n.min(MOST_PARTS)));
-        }
+        let problem = &operator.problem;
+        let (n, d) = (problem.size(), parameters.dimension.max(parameters.count));
+        let parts = checked(n, parameters, parts)?;
         let parameters = parameters.fitted(n);
         let (kernel, pairs) = pairs_with_guards(problem, &parameters, 0);
-        let plan = PartPlan {
-            version: version.to_owned(),
-            problem: fingerprint(problem),
-            parts,
-            slices: 0,
-            pairs,
-            kernel,
-            tolerance: parameters.goal.map_or(0.0, |goal| goal.error),
-            seed: parameters.seed,
-            columns: Some(d),
-        };
-        Ok(Self { mesh, operator, parameters, kernel, plan, monitor })
+        let of = (fingerprint(problem), kernel, pairs);
+        let plan = plan_of(version, of, (parts, d), &parameters);
+        Ok(Self { mesh, source: Source::Whole(operator), parameters, kernel, plan, monitor })
+    }
+
+    /// The same of a Laplacian without its matrix: nobody holds all rows of anything but the surface.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn by_rows(
+        problem: &'a LaplacianByRows<'a>,
+        parameters: &ApproximationParameters,
+        parts: Option<usize>,
+        version: &str,
+        monitor: &'a dyn Monitor,
+    ) -> Result<Self, PartError> {
+        let (n, d) = (problem.size(), parameters.dimension.max(parameters.count));
+        let parts = checked(n, parameters, parts)?;
+        let parameters = parameters.fitted(n);
+        let balanced = |rows: &SparseMatrix, row: usize| is_balanced(rows, row);
+        let survey = Survey::new(problem, &probes(n), balanced, monitor)?;
+        let products = std::array::from_fn(|k| survey.products[k]);
+        let found = Fingerprint { unknowns: n, entries: survey.entries, products };
+        let pairs = pairs_beside(n, survey.kernel, &parameters, 0);
+        let plan = plan_of(version, (found, survey.kernel, pairs), (parts, d), &parameters);
+        let source = Source::ByRows(problem, survey.largest);
+        Ok(Self { mesh: problem.mesh(), source, parameters, kernel: survey.kernel, plan, monitor })
+    }
+
+    /// How many parts [`by_rows`](Self::by_rows) makes, which says nothing else.
+    ///
+    /// # Errors
+    /// [`PartError::Unsuited`], as [`new`](Self::new).
+    pub fn number(
+        problem: &LaplacianByRows<'_>,
+        parameters: &ApproximationParameters,
+        parts: Option<usize>,
+    ) -> Result<usize, PartError> {
+        checked(problem.size(), parameters, parts)
     }
 
     /// The plan. Its `columns` are those that were asked for.
@@ -107,23 +136,69 @@ impl<'a> Parted<'a> {
     /// # Errors
     /// [`PartError::NoSuchPart`]; those of [`approximate`](super::approximate()).
     pub fn solve(&self, number: usize) -> Result<Part, PartError> {
-        let (plan, monitor, problem) = (&self.plan, self.monitor, &self.operator.problem);
+        let plan = &self.plan;
         if number >= plan.parts {
             return Err(PartError::NoSuchPart { number: number.saturating_add(1), parts: plan.parts });
         }
+        match &self.source {
+            Source::Whole(operator) => self.solve_whole(operator, number),
+            Source::ByRows(problem, largest) => self.solve_by_rows((problem, *largest), number, ROWS_OF_PIECE),
+        }
+    }
+
+    fn solve_whole(&self, operator: &MeshOperator, number: usize) -> Result<Part, PartError> {
+        let (plan, monitor, problem) = (&self.plan, self.monitor, &operator.problem);
         let mut parameters = self.parameters;
-        let space = initial_space(Domain::Surface(self.mesh), self.operator, &mut parameters, monitor)?;
+        let space = initial_space(Domain::Surface(self.mesh), operator, &mut parameters, monitor)?;
         let pairs = plan.pairs.min(space.columns().max(parameters.count));
         let ritz = reduce_by(&OneThread, problem, space, pairs, monitor)?.with_zeros(problem, self.kernel);
+        monitor.stage("bounds");
+        let part_of = divided(self.mesh, (problem.size(), problem.unknowns.as_deref()), plan.parts);
+        let rows = rows_of(&part_of, number);
+        self.measured(ritz, problem, part_of, rows, number)
+    }
+
+    /// A part of the surface for which columns are made a piece of so many rows at a time.
+    fn solve_by_rows(
+        &self,
+        (problem, largest): (&LaplacianByRows<'_>, f64),
+        number: usize,
+        rows_of_piece: usize,
+    ) -> Result<Part, PartError> {
+        let (plan, monitor) = (&self.plan, self.monitor);
+        let mut parameters = self.parameters;
+        let Some(columns) = by_rows::columns(problem, &mut parameters, monitor)? else {
+            let whole = problem.whole();
+            return self.solve_whole(&whole, number);
+        };
+        let part_of = divided(self.mesh, (problem.size(), None), plan.parts);
+        let kept = with_neighbours(self.mesh, |v| part_of[v as usize] == number as u32);
+        let found = by_rows::restricted(problem, &columns, rows_of_piece, &kept, monitor)?;
+        drop((columns, kept));
+        let pairs = plan.pairs.min(found.space.columns().max(parameters.count));
+        let ritz = solve_restricted(&OneThread, found, pairs, monitor)?.with_zeros_by(largest, self.kernel);
+        monitor.stage("bounds");
+        let rows = rows_of(&part_of, number);
+        let own = problem.problem_with(&rows, false);
+        self.measured(ritz, &own, part_of, rows, number)
+    }
+
+    /// What pairs miss on the rows of a part. Of the space and the stiffness there have to be these rows, and of the space those next to them.
+    fn measured(
+        &self,
+        ritz: Ritz,
+        problem: &EigenProblem,
+        part_of: Vec<u32>,
+        rows: Vec<u32>,
+        number: usize,
+    ) -> Result<Part, PartError> {
+        let monitor = self.monitor;
         let Ritz { space, mass, pairs, .. } = ritz;
         let EigenPairs { values, vectors: coefficients, .. } = pairs;
         let orthonormality_defect = gram_defect(&mass, &coefficients).unwrap_or(f64::INFINITY);
         drop(mass);
-        monitor.stage("bounds");
-        let part_of = divided(self.mesh, problem, plan.parts);
         let energy = Energy::of_part(self.mesh, problem, &part_of, number as u32, monitor)
             .map_err(|error| ApproximationError::from(CertificateError::from(error)))?;
-        let rows: Vec<u32> = (0..problem.size() as u32).filter(|&row| part_of[row as usize] == number as u32).collect();
         drop(part_of);
         let (with_neighbours, own) = (energy.in_order(&space), space.select_rows(&rows));
         drop(space);
@@ -138,18 +213,26 @@ impl<'a> Parted<'a> {
             rows,
         };
         // What the columns came to is part of what parts have to agree on.
-        let plan = PartPlan { columns: Some(share.space.columns()), ..plan.clone() };
+        let plan = PartPlan { columns: Some(share.space.columns()), ..self.plan.clone() };
         Ok(Part { plan, number, slices: Ok(Vec::new()), share: Some(share) })
     }
 
     /// Joins all parts, which are asked for one after the other, from 0; what comes out is judged as an approximation in one piece. Where the goal is
-    /// missed it is made in one piece, and noted.
+    /// missed it is made in one piece, and noted; of [`TOLD_FROM`] unknowns and more the report says that it is missed.
     ///
     /// # Errors
     /// Those of `part`; [`PartError::Version`], [`PartError::Foreign`] and [`PartError::Damaged`] name the part that cannot be used; those of
     /// [`approximate`](super::approximate()).
     pub fn join(self, part: &mut dyn FnMut(usize) -> Result<Part, PartError>) -> Result<Basis, PartError> {
-        let (domain, problem) = (Domain::Surface(self.mesh), &self.operator.problem);
+        let without_rows;
+        let operator = match &self.source {
+            Source::Whole(operator) => *operator,
+            Source::ByRows(problem, _) => {
+                without_rows = problem.without_rows();
+                &without_rows
+            }
+        };
+        let (domain, problem) = (Domain::Surface(self.mesh), &operator.problem);
         self.monitor.stage("join");
         let mut gathered = Gathered::new(problem.size());
         let mut plan: Option<PartPlan> = None;
@@ -171,21 +254,67 @@ impl<'a> Parted<'a> {
         let most = most_columns(problem.size(), self.parameters.dimension.max(count));
         let mut attempt = Attempt::new(ritz, count, most);
         attempt.certificate = certificate;
-        attempt.conclude((-self.operator.floor).max(0.0), problem.area);
+        attempt.conclude((-operator.floor).max(0.0), problem.area);
         if let Some(goal) = self.parameters.goal
             && goal.rounds > 0
             && attempt.excess(goal.error) > 1.0
+            && problem.size() < TOLD_FROM
         {
             drop(attempt);
             self.monitor.note(
                 FALLBACKS,
                 "parts of the surface: their functions miss the goal, and more were made in one piece",
             );
-            return Ok(approximate(self.mesh, self.operator, &self.parameters, self.monitor)?);
+            return Ok(match &self.source {
+                Source::Whole(operator) => approximate(self.mesh, operator, &self.parameters, self.monitor)?,
+                Source::ByRows(problem, _) => approximate(self.mesh, &problem.whole(), &self.parameters, self.monitor)?,
+            });
         }
         let accuracy = self.parameters.goal.map(|goal| report(domain, &attempt, self.parameters.space, 0, goal.error));
-        Ok(delivered(domain, self.operator, attempt, accuracy, None))
+        Ok(delivered(domain, operator, attempt, accuracy, None))
     }
+}
+
+/// Into how many parts so many unknowns are divided, where that is asked for or left open.
+fn checked(n: usize, parameters: &ApproximationParameters, parts: Option<usize>) -> Result<usize, PartError> {
+    let unsuited = |reason: String| Err(PartError::Unsuited { reason });
+    if parameters.certify {
+        return unsuited("\"certify\" counts eigenvalues of the whole".to_owned());
+    }
+    let d = parameters.dimension.max(parameters.count);
+    if n < FEW_VERTICES * d {
+        return unsuited(format!("{n} unknowns are few for {d} functions: {} are needed", FEW_VERTICES * d));
+    }
+    let parts = parts.unwrap_or((n / NATURAL).max(1));
+    if parts == 0 || parts > n.min(MOST_PARTS) {
+        return unsuited(format!("{n} unknowns make at most {} parts, not {parts}", n.min(MOST_PARTS)));
+    }
+    Ok(parts)
+}
+
+/// The plan of so many parts and columns.
+fn plan_of(
+    version: &str,
+    (problem, kernel, pairs): (Fingerprint, usize, usize),
+    (parts, columns): (usize, usize),
+    parameters: &ApproximationParameters,
+) -> PartPlan {
+    PartPlan {
+        version: version.to_owned(),
+        problem,
+        parts,
+        slices: 0,
+        pairs,
+        kernel,
+        tolerance: parameters.goal.map_or(0.0, |goal| goal.error),
+        seed: parameters.seed,
+        columns: Some(columns),
+    }
+}
+
+/// The rows of a part, ascending.
+fn rows_of(part_of: &[u32], number: usize) -> Vec<u32> {
+    (0..part_of.len() as u32).filter(|&row| part_of[row as usize] == number as u32).collect()
 }
 
 /// Whether an operator is a sum over triangles that falls apart into parts, or why it is not.
@@ -229,9 +358,8 @@ fn norm(matrix: &SparseMatrix, rows: &[u32]) -> f64 {
 }
 
 /// The part of each unknown: the surface is halved across its longest extent, and so on, to as many parts of about one size.
-pub(super) fn divided(mesh: &TriangleMesh, problem: &EigenProblem, parts: usize) -> Vec<u32> {
-    let n = problem.size();
-    let vertex = |row: u32| problem.unknowns.as_ref().map_or(row, |unknowns| unknowns[row as usize]);
+pub(super) fn divided(mesh: &TriangleMesh, (n, unknowns): (usize, Option<&[u32]>), parts: usize) -> Vec<u32> {
+    let vertex = |row: u32| unknowns.map_or(row, |unknowns| unknowns[row as usize]);
     let mut rows: Vec<u32> = (0..n as u32).collect();
     let mut part_of = vec![0u32; n];
     let mut left: Vec<(&mut [u32], u32, usize)> = vec![(&mut rows, 0, parts)];
@@ -264,9 +392,10 @@ pub(super) fn divided(mesh: &TriangleMesh, problem: &EigenProblem, parts: usize)
 
 /// What parts bring along, until all are there.
 struct Gathered {
-    /// The part that has each row, and where; `u32::MAX` where none has.
-    places: Vec<(u32, u32)>,
-    spaces: Vec<SparseMatrix<f32>>,
+    /// Whether some part has a row.
+    seen: Vec<bool>,
+    /// The rows of each part, and its columns there.
+    spaces: Vec<(Vec<u32>, SparseMatrix<f32>)>,
     pairs: Option<EigenPairs>,
     sums: Vec<PairShare>,
     norm: f64,
@@ -284,8 +413,7 @@ struct Whole {
 
 impl Gathered {
     fn new(n: usize) -> Self {
-        let places = vec![(u32::MAX, 0); n];
-        Self { places, spaces: Vec::new(), pairs: None, sums: Vec::new(), norm: 0.0, defect: 0.0 }
+        Self { seen: vec![false; n], spaces: Vec::new(), pairs: None, sums: Vec::new(), norm: 0.0, defect: 0.0 }
     }
 
     fn take(&mut self, part: Part) -> Result<(), PartError> {
@@ -309,14 +437,14 @@ impl Gathered {
         if !values.is_sorted() {
             return Err(damaged("its values are not in order"));
         }
-        for (&row, at) in rows.iter().zip(0..) {
-            match self.places.get_mut(row as usize) {
-                Some(place) if place.0 == u32::MAX => *place = (self.spaces.len() as u32, at),
+        for &row in &rows {
+            match self.seen.get_mut(row as usize) {
+                Some(seen) if !*seen => *seen = true,
                 Some(_) => return Err(damaged(&format!("unknown {row} is also in a part before"))),
                 None => return Err(damaged(&format!("there is no unknown {row}"))),
             }
         }
-        self.spaces.push(space);
+        self.spaces.push((rows, space));
         let groups = sums.as_chunks::<NUMBERS_OF_SHARE>().0;
         let found: Vec<PairShare> = groups.iter().map(PairShare::of_numbers).collect();
         match &self.pairs {
@@ -338,24 +466,15 @@ impl Gathered {
     }
 
     fn whole(self) -> Result<Whole, PartError> {
-        let Self { places, spaces, pairs, sums, norm, defect } = self;
+        let Self { seen, spaces, pairs, sums, norm, defect } = self;
         let last = spaces.len();
         let missing = |reason: String| PartError::Damaged { number: last, reason };
-        if let Some(row) = places.iter().position(|place| place.0 == u32::MAX) {
+        if let Some(row) = seen.iter().position(|seen| !seen) {
             return Err(missing(format!("no part has unknown {row}")));
         }
         let pairs = pairs.ok_or_else(|| missing("it has no pairs".to_owned()))?;
-        let columns = spaces.first().map_or(0, SparseMatrix::columns);
-        let space = SparseMatrix::from_rows(
-            places.len(),
-            columns,
-            || (),
-            |(), row, entries| {
-                let (part, at) = places[row];
-                let (columns, values) = spaces[part as usize].row(at as usize);
-                entries.extend(columns.iter().copied().zip(values.iter().copied()));
-            },
-        );
+        let columns = spaces.first().map_or(0, |(_, space)| space.columns());
+        let space = stacked(seen.len(), columns, spaces);
         Ok(Whole { space, pairs, sums, norm, defect })
     }
 }

@@ -91,7 +91,7 @@ fn every_unknown_is_in_one_part_and_parts_are_of_one_size() {
     for (name, mesh, of) in cases() {
         let problem = assemble(&mesh, &of, &Unwatched).unwrap().problem;
         for parts in [1, 2, 3, 5, 7, 8, 64] {
-            let part_of = divided(&mesh, &problem, parts);
+            let part_of = divided(&mesh, (problem.size(), problem.unknowns.as_deref()), parts);
             let mut counts = vec![0usize; parts];
             part_of.iter().for_each(|&part| counts[part as usize] += 1);
             let mean = problem.size() / parts;

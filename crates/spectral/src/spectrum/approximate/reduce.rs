@@ -4,10 +4,13 @@ use rayon::prelude::*;
 
 use super::super::domain::Domain;
 use super::super::hats;
+use super::by_rows::Restricted;
 use super::space::initial_space;
 use super::{ApproximationError, ApproximationParameters};
 use crate::operator::{EigenProblem, MeshOperator};
-use chladni_algebra::{EigenError, EigenPairs, SparseMatrix, SymmetricDefiniteSolver, galerkin, gpu};
+use chladni_algebra::{
+    EigenError, EigenPairs, SparseMatrix, SymmetricDefiniteSolver, galerkin, gpu, independent_columns,
+};
 use chladni_base::Monitor;
 
 /// Ritz pairs in the space, on unit area.
@@ -36,6 +39,11 @@ pub(in crate::spectrum) fn rounding(problem: &EigenProblem, last: f64, share: f6
     let mass = problem.mass.lumped();
     let own = |row: usize| problem.stiffness.row(row).1.iter().map(|entry| entry.abs()).sum::<f64>() / mass[row];
     let largest = (0..mass.len()).map(own).filter(|value| value.is_finite()).fold(0.0, f64::max);
+    rounding_of(largest, last, share)
+}
+
+/// [`rounding`], by the largest sum of magnitudes in a row over its mass.
+fn rounding_of(largest: f64, last: f64, share: f64) -> f64 {
     (share * last).max(UNIT * largest).min(MOST * last)
 }
 
@@ -43,14 +51,25 @@ impl Ritz {
     /// With the lowest values exactly zero where constants on so many components are in the kernel: the functions of a space sum to one, and what a
     /// dense solver finds instead is rounding. Values that are small for another reason can be told from them then.
     pub(super) fn with_zeros(mut self, problem: &EigenProblem, kernel: usize) -> Self {
+        let rounding = rounding(problem, self.pairs.values.last().copied().unwrap_or(0.0), ROUNDING);
+        self.zeros(rounding, kernel);
+        self
+    }
+
+    /// The same, by the largest sum of magnitudes in a row of the stiffness over its mass.
+    pub(super) fn with_zeros_by(mut self, largest: f64, kernel: usize) -> Self {
+        let rounding = rounding_of(largest, self.pairs.values.last().copied().unwrap_or(0.0), ROUNDING);
+        self.zeros(rounding, kernel);
+        self
+    }
+
+    fn zeros(&mut self, rounding: f64, kernel: usize) {
         let values = &mut self.pairs.values;
-        let rounding = rounding(problem, values.last().copied().unwrap_or(0.0), ROUNDING);
         if let Some(lowest) = values.get_mut(..kernel)
             && lowest.iter().all(|value| value.abs() <= rounding)
         {
             lowest.fill(0.0);
         }
-        self
     }
 }
 
@@ -133,6 +152,37 @@ pub(super) fn reduce_by(
                 }
             }
             Err(_) => {}
+        }
+        return Ok(Ritz { space, mass, stiffness, pairs: solved? });
+    }
+}
+
+/// [`reduce_by`] of matrices that are restricted already; `space` may have some of its rows alone.
+pub(super) fn solve_restricted(
+    solver: &dyn SymmetricDefiniteSolver,
+    Restricted { mut space, mut stiffness, mut mass }: Restricted,
+    count: usize,
+    monitor: &dyn Monitor,
+) -> Result<Ritz, ApproximationError> {
+    let mut tries = DEPENDENT.iter();
+    loop {
+        monitor.stage("eigen");
+        let solved = solver.lowest(stiffness.to_dense(), mass.to_dense(), count, monitor);
+        let dependent = match &solved {
+            Ok(pairs) => lost_to_rounding(&stiffness, pairs),
+            Err(error) => matches!(error, EigenError::NotPositiveDefinite { .. }),
+        };
+        if dependent {
+            let kept = tries.find_map(|&least| {
+                let kept = independent_columns(&mass.to_dense(), least);
+                (kept.len() < space.columns()).then_some(kept)
+            });
+            if let Some(kept) = kept.filter(|kept| kept.len() >= count) {
+                space = hats::of_columns(&space, &kept);
+                let kept: Vec<u32> = kept.into_iter().map(|column| column as u32).collect();
+                (stiffness, mass) = (stiffness.principal(&kept), mass.principal(&kept));
+                continue;
+            }
         }
         return Ok(Ritz { space, mass, stiffness, pairs: solved? });
     }
