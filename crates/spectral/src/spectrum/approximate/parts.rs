@@ -8,6 +8,8 @@
 //!
 //! Whether a goal is reached is known at the join alone. Where it is not, the join begins again in one piece, which may add columns.
 
+use std::borrow::Cow;
+
 use rayon::prelude::*;
 
 use super::super::certificate::{KERNEL, certificate_of, gram_defect};
@@ -26,8 +28,8 @@ use crate::operator::{EigenProblem, Laplacian, LaplacianByRows, MassMatrix, Mesh
 use chladni_algebra::{
     ComputedOn, CpuSolver, DenseMatrix, EigenError, EigenPairs, SparseMatrix, SymmetricDefiniteSolver,
 };
-use chladni_base::Monitor;
 use chladni_base::notes::FALLBACKS;
+use chladni_base::{Monitor, Portion, Quiet};
 use chladni_mesh::TriangleMesh;
 
 /// The most parts: numbers of more are taken for a slip.
@@ -35,6 +37,9 @@ pub const MOST_PARTS: usize = 4096;
 
 /// Vertices that are worth a part where their number is not given.
 const NATURAL: usize = 500_000;
+
+/// Unknowns that a part measures at a time: what a panel and its hierarchy take, some 900 bytes an unknown, is more than all else that it holds.
+const ROWS_AT_ONCE: usize = 1_100_000;
 
 /// Values of two machines differ by rounding: relative to themselves, by no more than this.
 const SAME_VALUES: f64 = 1e-9;
@@ -142,7 +147,17 @@ impl<'a> Parted<'a> {
         }
         match &self.source {
             Source::Whole(operator) => self.solve_whole(operator, number),
-            Source::ByRows(problem, largest) => self.solve_by_rows((problem, *largest), number, ROWS_OF_PIECE),
+            Source::ByRows(problem, largest) => {
+                self.solve_by_rows((problem, *largest), number, (ROWS_OF_PIECE, ROWS_AT_ONCE))
+            }
+        }
+    }
+
+    /// The vertex of each row, where some are held.
+    fn unknowns(&self) -> Option<&[u32]> {
+        match &self.source {
+            Source::Whole(operator) => operator.problem.unknowns.as_deref(),
+            Source::ByRows(..) => None,
         }
     }
 
@@ -152,18 +167,16 @@ impl<'a> Parted<'a> {
         let space = initial_space(Domain::Surface(self.mesh), operator, &mut parameters, monitor)?;
         let pairs = plan.pairs.min(space.columns().max(parameters.count));
         let ritz = reduce_by(&OneThread, problem, space, pairs, monitor)?.with_zeros(problem, self.kernel);
-        monitor.stage("bounds");
         let part_of = divided(self.mesh, (problem.size(), problem.unknowns.as_deref()), plan.parts);
-        let rows = rows_of(&part_of, number);
-        self.measured(ritz, problem, part_of, rows, number)
+        self.measured(ritz, rows_of(&part_of, number), number, (usize::MAX, &|_| Cow::Borrowed(problem)))
     }
 
-    /// A part of the surface for which columns are made a piece of so many rows at a time.
+    /// A part of the surface for which columns are made a piece of so many rows at a time, and that is measured on so many at a time.
     fn solve_by_rows(
         &self,
         (problem, largest): (&LaplacianByRows<'_>, f64),
         number: usize,
-        rows_of_piece: usize,
+        (rows_of_piece, rows_at_once): (usize, usize),
     ) -> Result<Part, PartError> {
         let (plan, monitor) = (&self.plan, self.monitor);
         let mut parameters = self.parameters;
@@ -177,38 +190,56 @@ impl<'a> Parted<'a> {
         drop((columns, kept));
         let pairs = plan.pairs.min(found.space.columns().max(parameters.count));
         let ritz = solve_restricted(&OneThread, found, pairs, monitor)?.with_zeros_by(largest, self.kernel);
-        monitor.stage("bounds");
         let rows = rows_of(&part_of, number);
-        let own = problem.problem_with(&rows, false);
-        self.measured(ritz, &own, part_of, rows, number)
+        drop(part_of);
+        self.measured(ritz, rows, number, (rows_at_once, &|rows| Cow::Owned(problem.problem_with(rows, false))))
     }
 
-    /// What pairs miss on the rows of a part. Of the space and the stiffness there have to be these rows, and of the space those next to them.
-    fn measured(
+    /// What pairs miss on the rows of a part, so many of them at a time. `problem` has at least some rows of the stiffness, and the space has all of these
+    /// and those next to them.
+    fn measured<'p>(
         &self,
         ritz: Ritz,
-        problem: &EigenProblem,
-        part_of: Vec<u32>,
         rows: Vec<u32>,
         number: usize,
+        (rows_at_once, problem): (usize, &dyn Fn(&[u32]) -> Cow<'p, EigenProblem>),
     ) -> Result<Part, PartError> {
         let monitor = self.monitor;
+        monitor.stage("bounds");
         let Ritz { space, mass, pairs, .. } = ritz;
         let EigenPairs { values, vectors: coefficients, .. } = pairs;
         let orthonormality_defect = gram_defect(&mass, &coefficients).unwrap_or(f64::INFINITY);
         drop(mass);
-        let energy = Energy::of_part(self.mesh, problem, &part_of, number as u32, monitor)
-            .map_err(|error| ApproximationError::from(CertificateError::from(error)))?;
-        drop(part_of);
-        let (with_neighbours, own) = (energy.in_order(&space), space.select_rows(&rows));
+        let pieces = rows.len().div_ceil(rows_at_once).max(1);
+        let mut piece_of = vec![u32::MAX; space.rows()];
+        let unknowns = self.unknowns();
+        halved(self.mesh, unknowns, &mut rows.clone(), pieces, &mut piece_of);
+        let (mut sums, mut stiffness_norm) = (vec![PairShare::default(); values.len()], 0f64);
+        for piece in 0..pieces {
+            if pieces > 1 {
+                monitor.detail(&format!("piece {} of {pieces}", piece + 1));
+            }
+            let own: Vec<u32> = rows.iter().copied().filter(|&row| piece_of[row as usize] == piece as u32).collect();
+            let problem = problem(&own);
+            let energy = Energy::of_part(self.mesh, &problem, &piece_of, piece as u32, &Quiet(monitor))
+                .map_err(|error| ApproximationError::from(CertificateError::from(error)))?;
+            let with_neighbours = energy.in_order(&space);
+            let portion = Portion { whole: monitor, step: (piece, pieces) };
+            let shares = energy.shares(&with_neighbours, &coefficients, &values, KERNEL, &portion)?;
+            match piece {
+                0 => sums = shares,
+                _ => sums.iter_mut().zip(&shares).for_each(|(sum, share)| sum.add(share)),
+            }
+            stiffness_norm = stiffness_norm.max(norm(&problem.stiffness, &own));
+        }
+        let own = space.select_rows(&rows);
         drop(space);
-        let shares = energy.shares(&with_neighbours, &coefficients, &values, KERNEL, monitor)?;
         let share = PartShare {
             space: own,
             values,
             coefficients,
-            sums: shares.iter().flat_map(PairShare::numbers).collect(),
-            stiffness_norm: norm(&problem.stiffness, &rows),
+            sums: sums.iter().flat_map(PairShare::numbers).collect(),
+            stiffness_norm,
             orthonormality_defect,
             rows,
         };
@@ -359,10 +390,15 @@ fn norm(matrix: &SparseMatrix, rows: &[u32]) -> f64 {
 
 /// The part of each unknown: the surface is halved across its longest extent, and so on, to as many parts of about one size.
 pub(super) fn divided(mesh: &TriangleMesh, (n, unknowns): (usize, Option<&[u32]>), parts: usize) -> Vec<u32> {
-    let vertex = |row: u32| unknowns.map_or(row, |unknowns| unknowns[row as usize]);
-    let mut rows: Vec<u32> = (0..n as u32).collect();
     let mut part_of = vec![0u32; n];
-    let mut left: Vec<(&mut [u32], u32, usize)> = vec![(&mut rows, 0, parts)];
+    halved(mesh, unknowns, &mut (0..n as u32).collect::<Vec<u32>>(), parts, &mut part_of);
+    part_of
+}
+
+/// Divides some rows in the same way, and puts down the part of each.
+fn halved(mesh: &TriangleMesh, unknowns: Option<&[u32]>, rows: &mut [u32], parts: usize, part_of: &mut [u32]) {
+    let vertex = |row: u32| unknowns.map_or(row, |unknowns| unknowns[row as usize]);
+    let mut left: Vec<(&mut [u32], u32, usize)> = vec![(rows, 0, parts)];
     while let Some((rows, first, parts)) = left.pop() {
         if parts < 2 || rows.is_empty() {
             rows.iter().for_each(|&row| part_of[row as usize] = first);
@@ -387,7 +423,6 @@ pub(super) fn divided(mesh: &TriangleMesh, (n, unknowns): (usize, Option<&[u32]>
         left.push((lower, first, half));
         left.push((upper, first + half as u32, parts - half));
     }
-    part_of
 }
 
 /// What parts bring along, until all are there.
