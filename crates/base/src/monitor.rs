@@ -208,3 +208,33 @@ impl Monitor for StageClock<'_> {
         self.inner.promised_bytes()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Default)]
+    struct Told(std::sync::Mutex<Vec<f64>>);
+
+    impl Monitor for Told {
+        fn stage(&self, _name: &'static str) {}
+        fn progress(&self, fraction: f64) {
+            self.0.lock().unwrap().push(fraction);
+        }
+        fn checkpoint(&self) -> Result<(), Cancelled> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn steps_of_a_stage_tell_one_progress_that_never_falls() {
+        let told = Told::default();
+        for step in 0..4 {
+            let portion = Portion { whole: &told, step: (step, 4) };
+            [0.0, 0.5, 1.0].into_iter().for_each(|fraction| portion.progress(fraction));
+        }
+        let told = told.0.into_inner().unwrap();
+        assert!(told.is_sorted(), "{told:?}");
+        assert_eq!((told[1], told.last()), (0.125, Some(&1.0)));
+    }
+}
