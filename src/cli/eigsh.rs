@@ -200,11 +200,20 @@ fn around_of(first: usize, around: &Around) -> String {
     let mut text = format!("\nthe nearest to {shift}; the first has the index {first}\n");
     if !around.ties.is_empty() {
         let (kept, left): (Vec<_>, Vec<_>) = around.ties.iter().partition(|tie| tie.delivered);
-        let list = |ties: Vec<&NearPair>| ties.iter().map(|tie| tie.index.to_string()).collect::<Vec<_>>().join(", ");
-        let (kept, left) = (list(kept), list(left));
+        let (kept, left) = (ranges(&kept), ranges(&left));
         text += &format!("as near as one can tell: {kept}, which are listed, and {left}, which are not\n");
     }
     text
+}
+
+/// The indices of pairs, ascending, with "to" between the ends of three and more in a row.
+fn ranges(pairs: &[&NearPair]) -> String {
+    let runs = pairs.chunk_by(|a, b| b.index == a.index + 1);
+    let words = runs.map(|run| match (run.first(), run.last()) {
+        (Some(first), Some(last)) if run.len() > 2 => format!("{} to {}", first.index, last.index),
+        _ => run.iter().map(|pair| pair.index.to_string()).collect::<Vec<_>>().join(", "),
+    });
+    words.collect::<Vec<_>>().join(", ")
 }
 
 /// A matrix, or the diagonal of one.
@@ -274,7 +283,7 @@ impl Run {
             text += &around_of(certificate.first, around);
         }
         if let Some(cut) = certificate.cut {
-            text += &cut_of(cut, self.basis.eigenvalues.len());
+            text += &cut_of(cut, certificate.first..certificate.first + self.basis.eigenvalues.len());
         }
         if let Some(moved) = self.basis.metadata["moved"].as_f64().filter(|moved| *moved != 0.0) {
             text += &format!("\nresiduals are relative to (S + cM) x with c = {}\n", number(moved));

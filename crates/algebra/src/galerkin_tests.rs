@@ -135,3 +135,25 @@ fn cancelling_ends_the_work() {
     let found = galerkin(&bumps(40, 5, 8), &s, &m, &Cancelling);
     assert_eq!(found.unwrap_err(), GalerkinError::Cancelled(Cancelled));
 }
+
+#[test]
+fn a_stiff_edge_adds_what_functions_differ_by_and_nothing_where_they_do_not() {
+    let n = 40;
+    let (s, m) = path(n, false);
+    let stiff = 1e12;
+    let mut values = s.values().to_vec();
+    for (row, column, value) in [(10, 11, -stiff), (11, 10, -stiff), (10, 10, stiff), (11, 11, stiff)] {
+        values[s.offsets()[row] + s.row(row).0.binary_search(&column).unwrap()] += value;
+    }
+    let s = SparseMatrix::new(n, n, s.offsets().to_vec(), s.indices().to_vec(), values).unwrap();
+    // A constant, and a slope that is small enough at the stiff edge.
+    let slope = |i: usize| 0.7 + 1e-6 * i as f32;
+    let rows = (0..n).flat_map(|i| [0.7, slope(i)]).collect();
+    let u = SparseMatrix::new(n, 2, (0..=n).map(|i| 2 * i).collect(), [0, 1].repeat(n), rows).unwrap();
+    let (s_bar, _) = galerkin(&u, &s, &m, &Unwatched).unwrap();
+    let difference = |i: usize| f64::from(slope(i + 1)) - f64::from(slope(i));
+    let expected: f64 = (0..n - 1).map(|i| difference(i).powi(2) * if i == 10 { 1.0 + stiff } else { 1.0 }).sum();
+    let found = s_bar.to_dense();
+    assert!((found.column(1)[1] / expected - 1.0).abs() < 1e-8, "{} instead of {expected}", found.column(1)[1]);
+    assert!(found.column(0)[0].abs() < 1e-20 && found.column(1)[0].abs() < 1e-8, "{:?}", found.values());
+}

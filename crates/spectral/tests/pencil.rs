@@ -332,6 +332,27 @@ fn a_shift_on_an_eigenvalue_names_the_copies_that_it_leaves_out() {
 }
 
 #[test]
+fn a_shift_on_or_beside_an_eigenvalue_of_a_thousand_copies_is_solved_at_once_and_names_them() {
+    // Stars of up to fifty leaves: all leaves but one of each star make an eigenvalue 1.
+    let sizes: Vec<usize> = (0..40).map(|k| 10 + k).collect();
+    let (mut edges, mut n) = (Vec::new(), 0);
+    for size in &sizes {
+        edges.extend((1..=*size).map(|leaf| (n, n + leaf)));
+        n += size + 1;
+    }
+    let copies: usize = sizes.iter().map(|size| size - 1).sum();
+    let pencil = pencil(&laplacian(n, &edges), &Mass::Identity);
+    for shift in [1.0, 0.9] {
+        let wanted = Wanted::Around { shift, count: 7, most: sizes.len() + 200 };
+        let pairs = solve(&pencil, &Parameters { wanted, ..Parameters::default() }, &Unwatched).unwrap();
+        assert!(pairs.values.len() == 7 && pairs.values.iter().all(|value| (value - 1.0).abs() < 1e-9));
+        let ties = pairs.certificate.around.unwrap().ties;
+        assert_eq!(ties.iter().filter(|tie| tie.delivered).count(), 7, "around {shift}");
+        assert!((8..=copies).contains(&ties.len()), "around {shift}: {} ties of {copies} copies", ties.len());
+    }
+}
+
+#[test]
 fn fixed_rows_are_taken_out_and_zero_in_the_vectors() {
     let n = 1600;
     let stiffness = laplacian(n + 2, &path(n + 2));

@@ -1,5 +1,7 @@
 //! What a solve tells: one object, or a few lines to read.
 
+use std::ops::Range;
+
 use chladni_spectral::basis::{Basis, Certificate, CutCluster, Interval};
 use chladni_work::{JobParameters, SOLVER_VERSION, abbreviate};
 use serde_json::{Value, json};
@@ -138,7 +140,7 @@ impl Run {
             text += &interval_of(certificate.first, interval);
         }
         if let Some(cut) = certificate.cut {
-            text += &cut_of(cut, self.basis.eigenvalues.len());
+            text += &cut_of(cut, certificate.first..certificate.first + self.basis.eigenvalues.len());
         }
         text += match certificate.complete {
             Some(true) if certificate.accuracy.is_some() => {
@@ -189,10 +191,11 @@ pub fn interval_of(first: usize, interval: &Interval) -> String {
     text
 }
 
-/// That the last pairs are some of a cluster, in words.
-pub fn cut_of(cut: CutCluster, delivered: usize) -> String {
-    let (of, from) = (grouped(cut.end - cut.first), grouped(cut.first + 1));
-    let here = grouped(delivered.saturating_sub(cut.first));
+/// That the last pairs are some of a cluster, in words; pairs of these indices are delivered.
+pub fn cut_of(cut: CutCluster, delivered: Range<usize>) -> String {
+    let first = cut.first.max(delivered.start);
+    let (of, from) = (grouped(cut.end - cut.first), grouped(first + 1));
+    let here = grouped(delivered.end.saturating_sub(first));
     format!(
         "\nthe count cuts a cluster of up to {of} eigenvalues: {here} of them are delivered, from pair {from} on, and their eigenfunctions are one choice among many\n"
     )
@@ -244,8 +247,10 @@ mod tests {
         let text = interval_of(3, &interval);
         assert!(text.contains("from 1, below 2.5") && text.contains("index 3 among all"), "{text}");
         assert!(text.contains("eigenvalue 4 is 2.5") && text.contains("not below"), "{text}");
-        let text = cut_of(CutCluster { first: 8, end: 32 }, 14);
+        let text = cut_of(CutCluster { first: 8, end: 32 }, 0..14);
         assert!(text.contains("up to 24 eigenvalues: 6 of them are delivered, from pair 9 on"), "{text}");
+        let text = cut_of(CutCluster { first: 8, end: 32 }, 10..17);
+        assert!(text.contains("up to 24 eigenvalues: 7 of them are delivered, from pair 11 on"), "{text}");
         assert_eq!(storage(2000, 1000), "2.0 kB stored");
         assert!(storage(500, 1000).contains("50 % of the 1.0 kB"));
     }

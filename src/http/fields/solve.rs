@@ -132,15 +132,9 @@ pub async fn design_with(
     let solve = move |monitor: &dyn Monitor| {
         let _memory = memory;
         let patience = Patience::new(Instant::now(), PATIENCE, monitor);
-        let wanted = (constraints.clone(), coefficients);
-        let designed = match loaded.answer(full.as_deref(), &weighted, &request, wanted, &patience) {
-            // Nobody insists on the field of the surface, which would take longer than a request may: that of the space is there at once.
-            Err(DesignFault::Cancelled(_)) if !request.must_be_of_surface() && !request.error => {
-                monitor.checkpoint()?;
-                loaded.answer(None, &weighted, &request, (constraints, coefficients), monitor).map_err(too_long)?
-            }
-            answered => answered.map_err(too_long)?,
-        };
+        let (wanted, monitors) = ((constraints, coefficients), (&patience as &dyn Monitor, monitor));
+        let designed =
+            loaded.answer_within(full.as_deref(), &weighted, &request, wanted, monitors).map_err(too_long)?;
         Ok(loaded.exactly(exact, designed))
     };
     state.solve("design", solve).await

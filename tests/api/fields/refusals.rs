@@ -20,7 +20,11 @@ async fn what_cannot_be_designed_is_a_problem_that_names_it() {
         ),
         (json!({"constraints": [{"face": 5, "frame_direction": [0.0, 0.0]}]}), "direction", "constraints[0]"),
         (json!({"constraints": [at(7, &up), at(7, &json!([1.0, 0.0, 0.0]))]}), "contradiction", "face 7"),
-        (json!({"constraints": (0..40).map(|f| at(f, &up)).collect::<Vec<_>>()}), "dependent", "face"),
+        (
+            json!({"constraints": (0..40).map(|f| at(f, &up)).collect::<Vec<_>>(), "space": "basis"}),
+            "dependent",
+            "face",
+        ),
         (json!({"strokes": [{"direction": up}]}), "face", "missing"),
         (json!({"strokes": [{"face": 1, "point": [0, 0, 1], "direction": up}]}), "face", "not both"),
         (json!({"strokes": [{"face": 1}]}), "value", "missing"),
@@ -44,7 +48,7 @@ async fn what_cannot_be_designed_is_a_problem_that_names_it() {
         (json!({"strokes": [{"points": [[0, 0, 1], [0.1, 0, 1]], "face": 3}]}), "points", "face cannot be given"),
         (json!({"strokes": [{"point": [0, 0, 1000], "direction": up}]}), "face", "999.0"),
         (
-            json!({"constraints": (0..40).map(|f| at(f, &up)).collect::<Vec<_>>()}),
+            json!({"constraints": (0..40).map(|f| at(f, &up)).collect::<Vec<_>>(), "space": "basis"}),
             "dependent",
             "directions on 40 faces",
         ),

@@ -81,7 +81,7 @@ pub enum DesignError {
     },
     /// The space has no freedom left to be as it has to be on this face.
     #[error(
-        "the space has too few dimensions to be as it has to be on face {face} and on all other faces with constraints at once; a larger basis may do"
+        "the space has too few dimensions to be as it has to be on face {face} and on all other faces with constraints at once; a larger basis may do, or strokes in place of some of them"
     )]
     Dependent {
         /// The face.

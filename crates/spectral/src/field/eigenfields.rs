@@ -137,6 +137,31 @@ impl FullSpace {
         goal: EigenfieldGoal,
         monitor: &dyn Monitor,
     ) -> Result<LowestFields, RefineError> {
+        self.lowest(start, wanted, (goal, false), monitor)
+    }
+
+    /// The same of the fields above those without energy, which [`count_idle`](Self::count_idle) has found: they are not among `start`, and are kept
+    /// component by component, so that there may be many.
+    ///
+    /// # Errors
+    /// As for [`eigenfields`](Self::eigenfields).
+    pub fn eigenfields_above_idle(
+        &self,
+        start: Vec<Vec<f64>>,
+        wanted: usize,
+        goal: EigenfieldGoal,
+        monitor: &dyn Monitor,
+    ) -> Result<LowestFields, RefineError> {
+        self.lowest(start, wanted, (goal, true), monitor)
+    }
+
+    fn lowest(
+        &self,
+        start: Vec<Vec<f64>>,
+        wanted: usize,
+        (goal, above_idle): (EigenfieldGoal, bool),
+        monitor: &dyn Monitor,
+    ) -> Result<LowestFields, RefineError> {
         let block = match &self.inner {
             Inner::Two(_) => 2,
             Inner::Three(_) => 3,
@@ -152,27 +177,14 @@ impl FullSpace {
             return Ok(LowestFields { reached: true, ..LowestFields::default() });
         }
         match &self.inner {
-            Inner::Two(whole) => Lowest::new(whole, None, start, wanted, monitor)?.run(goal, monitor),
-            Inner::Three(whole) => Lowest::new(whole, None, start, wanted, monitor)?.run(goal, monitor),
-        }
-    }
-
-    /// The same of the fields above those without energy, which [`count_idle`](Self::count_idle) has found: they are not among `start`, and are kept
-    /// component by component, so that there may be many.
-    ///
-    /// # Errors
-    /// As for [`eigenfields`](Self::eigenfields).
-    pub fn eigenfields_above_idle(
-        &self,
-        start: Vec<Vec<f64>>,
-        wanted: usize,
-        goal: EigenfieldGoal,
-        monitor: &dyn Monitor,
-    ) -> Result<LowestFields, RefineError> {
-        let wanted = wanted.min(start.len());
-        match &self.inner {
-            Inner::Two(whole) => Lowest::new(whole, whole.kernel.get(), start, wanted, monitor)?.run(goal, monitor),
-            Inner::Three(whole) => Lowest::new(whole, whole.kernel.get(), start, wanted, monitor)?.run(goal, monitor),
+            Inner::Two(whole) => {
+                let kernel = whole.kernel.get().filter(|_| above_idle);
+                Lowest::new(whole, kernel, start, wanted, monitor)?.run(goal, monitor)
+            }
+            Inner::Three(whole) => {
+                let kernel = whole.kernel.get().filter(|_| above_idle);
+                Lowest::new(whole, kernel, start, wanted, monitor)?.run(goal, monitor)
+            }
         }
     }
 }

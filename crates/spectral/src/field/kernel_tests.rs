@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use chladni_base::Unwatched;
+use chladni_mesh::TriangleMesh;
 use chladni_mesh::fixtures::union;
 use chladni_mesh::shape::{Shape, generate, noisy};
 
@@ -56,6 +57,110 @@ fn each_of_many_plates_is_filled_with_what_its_own_constraint_asks_for() {
                 let own = norm(own.iter().copied());
                 assert!((own - wanted).abs() < 1e-6, "{kind:?}, {way}, plate {plate}: {own} and not {wanted}");
             }
+        }
+    }
+}
+
+/// Plates of which the space has the parallel fields alone, beside others of which it has more: on neither takes what is asked for energy.
+#[test]
+fn plates_with_one_column_and_with_several_are_filled_with_what_is_asked_for_on_each() {
+    let plates = 60;
+    let one = generate(Shape::Rectangle, 20).unwrap();
+    let each = one.faces.len();
+    let surface = FieldSurface::new(union(&vec![one; plates])).unwrap();
+    for kind in [CROSS, FieldKind::Tensor {}] {
+        let b = kind.block();
+        // From one group of columns for each plate on.
+        for groups in [plates, plates + 1, plates + 15, 2 * plates] {
+            let basis = field_basis(&surface, &FieldParameters::new(kind, groups * b), &Unwatched).unwrap();
+            let value = |plate: usize| [(plate as f64).cos(), (0.3 * plate as f64).sin() + 1.5, 0.4];
+            let constraint = |plate: usize, hold: Hold| {
+                let face = (each * plate + 7 * plate % each) as u32;
+                Constraint { face, value: value(plate), hold }
+            };
+            // Few enough that they are not put into the matrix of the energies, and then more.
+            for (step, soft) in [(5, false), (5, true), (1, false)] {
+                let held = |plate: usize| if soft && plate % 2 == 1 { Hold::Strength(1.0) } else { Hold::Exact };
+                let constraints: Vec<Constraint> =
+                    (0..plates).step_by(step).map(|plate| constraint(plate, held(plate))).collect();
+                for model in [DesignModel::new(&basis, &Unwatched).unwrap(), DesignModel::sparse(&basis)] {
+                    let sparse = model.pencil.is_some();
+                    // Without Ritz coordinates no more than two dozen fields without energy are told apart from what yields to strokes.
+                    if sparse && soft {
+                        continue;
+                    }
+                    let weighted = model.weighted(EnergyWeights::default(), None).unwrap();
+                    let design = weighted.solve(&basis, &constraints).unwrap();
+                    let most = design.residuals.iter().fold(0.0f64, |most, missed| most.max(*missed));
+                    let said = format!("{kind:?}, {groups} groups, every {step}, soft {soft}, sparse {sparse}");
+                    assert!(design.harmonic_energy < 1e-5 && most < 1e-4, "{said}: {} {most}", design.harmonic_energy);
+                    let field = basis.space.lift(&design.coefficients).unwrap();
+                    for (face, own) in field.chunks_exact(b).enumerate() {
+                        let plate = face / each;
+                        let wanted =
+                            if plate.is_multiple_of(step) { norm(value(plate).into_iter().take(b)) } else { 0.0 };
+                        let own = norm(own.iter().map(|&x| f64::from(x)));
+                        assert!((own - wanted).abs() < 1e-3, "{said}, plate {plate}: {own} and not {wanted}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// What cannot be met is missed, and by so much, where the fault is, and nowhere else.
+#[test]
+fn two_exact_values_on_a_plate_with_one_column_are_missed_there_and_met_elsewhere() {
+    let plates = 40;
+    let one = generate(Shape::Rectangle, 20).unwrap();
+    let each = one.faces.len() as u32;
+    let surface = FieldSurface::new(union(&vec![one; plates])).unwrap();
+    let basis = field_basis(&surface, &FieldParameters::new(CROSS, 2 * plates + 10), &Unwatched).unwrap();
+    // The samples tell which plates have one group of columns.
+    let of = |plate: u32| basis.samples.iter().filter(|&&face| face / each == plate).count();
+    let lone = (1..plates as u32).find(|&plate| of(plate) == 1).unwrap();
+    let exact = |face: u32, x: f64| Constraint { face, value: [x, 1.0, 0.0], hold: Hold::Exact };
+    for model in [DesignModel::new(&basis, &Unwatched).unwrap(), DesignModel::sparse(&basis)] {
+        let weighted = model.weighted(EnergyWeights::default(), None).unwrap();
+        let wanted = [exact(1, 0.3), exact(lone * each + 2, 0.5), exact(lone * each + 9, -0.5)];
+        match weighted.solve(&basis, &wanted) {
+            Err(refused) => {
+                assert!(matches!(refused, DesignError::Dependent { face } if face / each == lone), "{refused:?}");
+            }
+            Ok(design) => {
+                let missed = &design.residuals;
+                assert!(missed[0] < 1e-6 && missed[1].max(missed[2]) > 0.4, "{missed:?}");
+            }
+        }
+    }
+}
+
+/// Faces that are components of their own have fields without energy alone, on the whole surface too.
+#[test]
+fn separate_triangles_among_plates_carry_what_they_are_given() {
+    let plate = generate(Shape::Rectangle, 60).unwrap();
+    let corners = plate.faces[0].map(|v| plate.positions[v as usize]);
+    let triangle = TriangleMesh { positions: corners.to_vec(), faces: vec![[0, 1, 2]], ..TriangleMesh::default() };
+    let parts: Vec<TriangleMesh> = (0..40).map(|i| if i % 4 == 0 { plate.clone() } else { triangle.clone() }).collect();
+    let surface = FieldSurface::new(union(&parts)).unwrap();
+    for kind in [CROSS, FieldKind::Tensor {}] {
+        let b = kind.block();
+        let basis = field_basis(&surface, &FieldParameters::new(kind, 60 * b), &Unwatched).unwrap();
+        let model = DesignModel::new(&basis, &Unwatched).unwrap();
+        let full = full(&surface, kind);
+        let weighted = model.weighted(EnergyWeights::default(), None).unwrap();
+        let mut constraints = Vec::new();
+        let mut at = 0;
+        for (i, part) in parts.iter().enumerate() {
+            let value = [(i as f64).cos(), (0.3 * i as f64).sin() + 1.5, 0.4];
+            constraints.push(Constraint { face: at, value, hold: Hold::Exact });
+            at += part.faces.len() as u32;
+        }
+        for some in [&constraints[..], &constraints[1..4]] {
+            let design = weighted.solve(&basis, some).unwrap();
+            let found = full.least(&weighted, &basis, some, &design, &Unwatched).unwrap().unwrap();
+            let most = found.residuals.iter().fold(0.0f64, |most, missed| most.max(*missed));
+            assert!(found.harmonic_energy < 1e-9 && most < 1e-6, "{kind:?}: {} {most}", found.harmonic_energy);
         }
     }
 }

@@ -16,6 +16,7 @@ use super::idle::dot as small_dot;
 use super::kernel::{Kernel, Own};
 use super::refine::{FullSpace, Inner, RefineError, Refined};
 use super::refine_response::{Response, Sum, Whole, add};
+use super::roots::Roots;
 use super::slack::Yield;
 use super::weighted::{System, WeightedModel, amounts_of_kernel};
 use crate::basis::FieldBasis;
@@ -61,16 +62,8 @@ impl Difference {
             let some = sum.harmonic > 0.0;
             return some.then(|| Self { small: sum.uniform / sum.harmonic, large: None, scale: 1.0 / sum.harmonic });
         }
-        let (half, held) = (0.5 * sum.harmonic / sum.biharmonic, sum.uniform / sum.biharmonic);
-        let square = half * half - held;
-        if !(square > 0.0) {
-            return None;
-        }
-        let large = half + square.sqrt();
-        let small = held / large;
-        let scale = 1.0 / (sum.biharmonic * (large - small));
-        let fits = scale.is_finite() && large <= super::refine_response::MOST_SHIFT;
-        fits.then_some(Self { small, large: Some(large), scale })
+        let Roots { small, large, scale } = Roots::of(sum.harmonic, sum.biharmonic, sum.uniform)?;
+        (large <= super::refine_response::MOST_SHIFT).then_some(Self { small, large: Some(large), scale })
     }
 }
 
@@ -210,11 +203,6 @@ impl<const B: usize> Whole<B> {
             if !(before <= MOST_CANCELLED * after) {
                 return Ok(None);
             }
-            let system = match System::new(moved, &conditions, B) {
-                // Constraints at different faces depend on each other by rounding alone.
-                Err(DesignError::Dependent { .. }) => return Ok(None),
-                made => made?,
-            };
             let mut right = DenseMatrix::zeros(size, 1 + idle.own.len());
             for (i, missing) in right.column_mut(0).iter_mut().enumerate() {
                 let condition = &conditions[i / B];
@@ -223,6 +211,11 @@ impl<const B: usize> Whole<B> {
             for k in 0..idle.own.len() {
                 right.column_mut(1 + k).iter_mut().zip(&idle.values).for_each(|(r, values)| *r = values[k]);
             }
+            let system = match System::new(moved, &conditions, B, (&right, 0.0)) {
+                // Constraints at different faces depend on each other by rounding alone.
+                Err(DesignError::Dependent { .. }) => return Ok(None),
+                made => made?,
+            };
             let answer = |y: &[f64]| {
                 let mut half = vec![0.0; B * self.mass.len()];
                 halves.iter().zip(y.chunks_exact(B)).for_each(|(own, y)| own.add_to(y, &mut half));

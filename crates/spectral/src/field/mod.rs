@@ -43,6 +43,7 @@ mod refine;
 mod refine_response;
 #[cfg(test)]
 mod refine_tests;
+mod roots;
 mod singularity;
 mod slack;
 mod smooth;

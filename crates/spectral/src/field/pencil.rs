@@ -13,7 +13,7 @@ use chladni_algebra::{
     ColumnTree, FactorError, MassMatrix, Ordering, ReachTree, SparseMatrix, SymbolicFactor, fill_reducing_order,
 };
 
-use super::pencil_inverse::{Factored, SparseInverse, Split};
+use super::pencil_inverse::{Factored, SparseInverse, split};
 use crate::basis::FieldBasis;
 
 /// What is added to make `A` definite, as a weight of `M̄`: far below the lowest positive eigenvalue of a surface of unit area.
@@ -241,13 +241,13 @@ impl Pencil {
     pub fn factor(&self, sum: &Sum<'_>) -> Result<SparseInverse, FactorError> {
         let uniform = sum.uniform + floor(sum.harmonic, sum.biharmonic);
         let sum = Sum { uniform, grams: sum.grams.clone(), ..*sum };
-        if let Some(split) = Split::of(&sum).filter(|_| self.full_biharmonic.is_none()) {
+        if let Some(roots) = split(&sum).filter(|_| self.full_biharmonic.is_none()) {
             let structure = self.second_order()?;
             let shifted = |gamma: f64| {
                 let sum = Sum { harmonic: 1.0, biharmonic: 0.0, uniform: gamma, grams: Vec::new() };
                 self.factored(&structure, &sum)
             };
-            return Ok(SparseInverse::difference(shifted(split.small)?, shifted(split.large)?, split));
+            return Ok(SparseInverse::difference(shifted(roots.small)?, shifted(roots.large)?, roots));
         }
         let structure = self.structure()?;
         Ok(SparseInverse::new(self.factored(&structure, &sum)?))

@@ -7,6 +7,7 @@ use chladni_algebra::{FactorNumbers, HalfSolved, PANEL_WIDTH, Sides};
 use rayon::prelude::*;
 
 use super::pencil::{Structure, Sum};
+use super::roots::Roots;
 
 /// The larger root is at least this, on unit area: the more eigenvalues of the space lie above it, and the farther, the more digits the difference
 /// loses.
@@ -18,30 +19,13 @@ const APART: f64 = 2.0;
 /// Halves of solves are kept up to this share of the bytes of the factors.
 const HALVES: u64 = 4;
 
-/// `K⁻¹ = scale · ((S̄ + αM̄)⁻¹ − (S̄ + βM̄)⁻¹)`.
-#[derive(Clone, Copy)]
-pub(super) struct Split {
-    pub small: f64,
-    pub large: f64,
-    scale: f64,
-}
-
-impl Split {
-    /// Of a sum of both energies and a multiple of the mass, where there are such roots.
-    pub fn of(sum: &Sum<'_>) -> Option<Self> {
-        if !(sum.grams.is_empty() && sum.harmonic > 0.0 && sum.biharmonic > 0.0) {
-            return None;
-        }
-        let (half, held) = (0.5 * sum.harmonic / sum.biharmonic, sum.uniform / sum.biharmonic);
-        let square = half * half - held;
-        if !(square > 0.0) {
-            return None;
-        }
-        let large = half + square.sqrt();
-        let small = held / large;
-        let scale = 1.0 / (sum.biharmonic * (large - small));
-        (large >= LEAST_ROOT.max(APART * small) && scale.is_finite()).then_some(Self { small, large, scale })
+/// The roots of a sum of both energies and a multiple of the mass, where they are so far apart that the difference of the two inverses keeps its digits.
+pub(super) fn split(sum: &Sum<'_>) -> Option<Roots> {
+    if !(sum.grams.is_empty() && sum.harmonic > 0.0 && sum.biharmonic > 0.0) {
+        return None;
     }
+    let roots = Roots::of(sum.harmonic, sum.biharmonic, sum.uniform)?;
+    (roots.large >= LEAST_ROOT.max(APART * roots.small)).then_some(roots)
 }
 
 /// A factor of the system, or of its part of second order.
@@ -57,7 +41,7 @@ pub(super) struct Factored {
 /// `K⁻¹`.
 pub(super) struct SparseInverse {
     first: Factored,
-    second: Option<(Factored, Split)>,
+    second: Option<(Factored, Roots)>,
     kept: Mutex<KeptHalves>,
 }
 
@@ -146,7 +130,7 @@ impl SparseInverse {
     }
 
     /// By the factors of `S̄ + αM̄` and `S̄ + βM̄`.
-    pub fn difference(small: Factored, large: Factored, split: Split) -> Self {
+    pub fn difference(small: Factored, large: Factored, split: Roots) -> Self {
         Self { first: small, second: Some((large, split)), kept: Mutex::default() }
     }
 
@@ -270,7 +254,7 @@ impl SparseInverse {
     }
 }
 
-impl Split {
+impl Roots {
     /// `x = K⁻¹ f` and `M̄⁻¹ S̄ x` of both solutions: `S̄ (S̄ + γM̄)⁻¹ f = f − γ M̄ (S̄ + γM̄)⁻¹ f`.
     fn taken_together(&self, own: &[f64], other: &[f64]) -> (Vec<f64>, Option<Vec<f64>>) {
         let x = own.iter().zip(other).map(|(a, b)| self.scale * (a - b)).collect();

@@ -22,8 +22,14 @@ use super::pencil::{Pencil, Sum, floor};
 
 pub(super) use multipliers::{System, amounts_of_kernel};
 
-/// Ritz values below this share of the largest count as zero.
+/// Ritz values below this share of the largest count as zero, or below so much on unit area: a space that has fields without energy alone has no other
+/// values than what rounding leaves of these.
 const KERNEL: f64 = 1e-10;
+const LEAST: f64 = 1e-7;
+
+/// Spaces with more fields without energy, as those of many components, take all constraints into one system, however many there are: what holds such
+/// fields in the matrix of the energies would outweigh all else where a component has nothing but them.
+const MOST_IDLE: usize = 24;
 
 /// What the faces around a prescribed singularity give way, as such a share. A space is hardly able to give them all what they should have: forced
 /// to, it gets other singularities. Where a field does not have the singularity yet, its faces give way less.
@@ -155,13 +161,18 @@ impl DesignModel {
         })
     }
 
+    /// Ritz values up to this one count as zero.
+    fn least_value(&self) -> f64 {
+        (KERNEL * self.values().last().copied().unwrap_or(0.0)).max(LEAST)
+    }
+
     /// `K⁻¹` in Ritz coordinates, and those that have no energy.
     fn diagonal_inverse(&self, weights: EnergyWeights, uniform: f64) -> (Vec<f64>, Vec<usize>) {
         let values = self.values();
-        let largest = values.last().copied().unwrap_or(0.0);
+        let least = self.least_value();
         let mut kernel = Vec::new();
         let one = |(i, &value): (usize, &f64)| {
-            if uniform == 0.0 && value <= KERNEL * largest {
+            if uniform == 0.0 && value <= least {
                 kernel.push(i);
                 0.0
             } else {
@@ -310,7 +321,8 @@ impl WeightedModel {
         let uniform = self.alignments.iter().map(|alignment| alignment.1).sum();
         let (model, weights) = (&self.model, self.weights);
         let setting = Setting { model, basis, weights, uniform, inverse, kernel: &self.kernel };
-        if self.prescription.is_some() || !model.has_many(kept.len()) {
+        let few_idle = self.kernel.len() <= MOST_IDLE;
+        if self.prescription.is_some() || !few_idle || !model.has_many(kept.len()) {
             return Ok(None);
         }
         let mut force = vec![0.0; model.dimension()];

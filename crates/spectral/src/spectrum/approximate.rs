@@ -208,7 +208,13 @@ pub(super) fn search<'a>(
     monitor.stage("bounds");
     let energy = match measured_in_parts(domain, operator, &parameters, &attempt) {
         true => None,
-        false => Some(Energy::new(problem, operator.floor, monitor).map_err(CertificateError::from)?),
+        false => {
+            let mesh = match domain {
+                Domain::Surface(mesh) if parts::has_cotangents(operator) => Some(mesh),
+                _ => None,
+            };
+            Some(Energy::on(mesh, problem, operator.floor, monitor).map_err(CertificateError::from)?)
+        }
     };
     let judge = |attempt: &mut Attempt| match &energy {
         Some(energy) => attempt.judge(energy, problem, goal, monitor),
@@ -246,6 +252,7 @@ pub(super) fn search<'a>(
             remedies.hats = false;
         }
     }
+    attempt.possible((-operator.floor).max(0.0), problem.area)?;
     Ok(Found { attempt, energy, built, rounds })
 }
 

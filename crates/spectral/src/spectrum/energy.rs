@@ -10,16 +10,18 @@
 //! Nothing is assumed of `x` and θ. The norm is enclosed without a factor of `A`: for every `y`
 //!
 //! ```text
-//! 2 yᵀr − yᵀAy  ≤  ‖r‖²_{A⁻¹}  ≤  2 yᵀr − yᵀAy + (r − Ay)ᵀ (σM)⁻¹ (r − Ay),
+//! 2 yᵀr − yᵀAy  ≤  ‖r‖²_{A⁻¹}  ≤  2 yᵀr − yᵀAy + (r − Ay)ᵀ B⁻¹ (r − Ay),
 //! ```
 //!
-//! and `y` comes from a multigrid cycle or two. What the best multiple of `y` would take off the Ritz value,
+//! and `y` comes from a multigrid cycle or two. `B` is below `A` and easily inverted: `σM`, and what of `S` makes a forest. What the best multiple of `y` would take off the Ritz value,
 //! `(yᵀr)² / yᵀ(S − θM)y`, estimates its error. Rounding is part of the upper end: row by row, what the sums in double precision may err by, and
 //! what storing `r` in single precision changes.
 
 mod corrections;
 mod direct;
+mod forest;
 mod measure;
+mod obtuse;
 mod on_device;
 mod part;
 mod rows;
@@ -30,9 +32,11 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 
 pub(super) use corrections::Corrections;
 pub use direct::{FACTOR_BYTES, MOST_FACTORED};
+use forest::Forest;
 pub use measure::Measure;
+use obtuse::Obtuse;
 pub(super) use part::{PairShare, measures};
-use rows::{Enclosure, PairResidual, Residuals, rounding_weights};
+use rows::{Enclosed, Enclosure, PairResidual, Residuals, Trees, rounding_weights};
 
 use crate::operator::EigenProblem;
 use chladni_algebra::gpu::{self, EnclosureSums, ResidualSums};
@@ -41,6 +45,7 @@ use chladni_algebra::{
     Patch, RowLifter, SparseMatrix, by_patch, compact_order,
 };
 use chladni_base::{Cancelled, Monitor, Spare};
+use chladni_mesh::TriangleMesh;
 
 /// σ as a share of the lowest value of a panel that is not zero. Measured on igea, armadillo and rolling-stage with 500 pairs: 0.7 takes 40, 85 and
 /// 131 cycles (the last two in three rounds) where 0.3 takes 56, 104 and 152, for bounds of the same width, and estimates are closer; with 2
@@ -85,6 +90,8 @@ pub struct Energy<'a> {
     /// `c`.
     floor: f64,
     hierarchy: Multigrid,
+    /// What is below `S`, if it is known.
+    forest: Option<Forest>,
     /// `S` with its rows in that order, for devices alone: patches have their own rows of it.
     ordered: OnceLock<SparseMatrix>,
     /// The rows that are measured: all, or those of one part, the first.
@@ -99,6 +106,19 @@ impl<'a> Energy<'a> {
     /// # Errors
     /// [`MultigridError`]: a vertex without mass, or cancellation.
     pub fn new(problem: &'a EigenProblem, floor: f64, monitor: &dyn Monitor) -> Result<Self, MultigridError> {
+        Self::on(None, problem, floor, monitor)
+    }
+
+    /// The same where the stiffness, but for rows of vertices that are held, is that of the cotangents of `mesh`: bounds are closer where that is known.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn on(
+        mesh: Option<&TriangleMesh>,
+        problem: &'a EigenProblem,
+        floor: f64,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, MultigridError> {
         let order = compact_order(&problem.stiffness, PATCH_ROWS);
         let stiffness = problem.stiffness.reordered(&order);
         let mass = problem.mass.reordered(&order);
@@ -106,8 +126,10 @@ impl<'a> Energy<'a> {
         let floor = (-floor).max(0.0);
         let hierarchy = Multigrid::new(&stiffness, &mass, floor, monitor)?;
         let rounding = rounding_weights(&stiffness, &lumped);
+        let obtuse = mesh.map(|mesh| Obtuse::of(mesh, problem, &order));
+        let forest = Forest::below(&stiffness, &lumped, floor, hierarchy.patches(), obtuse.as_ref());
         let (own, ordered) = (order.len(), OnceLock::new());
-        Ok(Self { problem, order, mass, lumped, rounding, floor, hierarchy, ordered, own, coupled: None })
+        Ok(Self { problem, order, mass, lumped, rounding, floor, hierarchy, forest, ordered, own, coupled: None })
     }
 
     /// Measures the pairs with Ritz values `ritz`, ascending, and vectors `space · coefficients`. With a `goal`, also where pairs miss energy whose
@@ -232,6 +254,8 @@ impl<'a> Energy<'a> {
             *weight = self.weight(measure, *theta, limits);
         }
         if weights.iter().any(|&w| w > 0.0) {
+            // Those of higher pairs will be wanted too.
+            workspace.keep = workspace.keep.max(Kept::Answer);
             self.keep(workspace, half, sigma, &mut kept, Kept::Answer);
             let density = density.get_or_insert_with(|| vec![0.0; self.order.len()]);
             let rows = density.par_iter_mut().zip(&workspace.y).zip(&workspace.right[half]);
@@ -253,14 +277,14 @@ impl<'a> Energy<'a> {
         sigma: f64,
     ) -> (Enclosure, Kept) {
         let mut kept = workspace.keep;
-        let mut enclosed = self.step(workspace, half, sigma, Step { first: true, keep: kept });
+        let mut enclosed = self.step(workspace, half, sigma, Step { first: true, keep: kept, by_trees: true });
         let mut steps = 1;
         let close = |enclosed: &Enclosure| {
             (0..ritz.len()).all(|k| self.is_close(&residuals.pairs[k], &enclosed.of(k), ritz[k], sigma))
         };
         while steps < MOST_STEPS && !close(&enclosed) {
             self.keep(workspace, half, sigma, &mut kept, Kept::Both);
-            enclosed = self.step(workspace, half, sigma, Step { first: false, keep: Kept::Both });
+            enclosed = self.step(workspace, half, sigma, Step { first: false, keep: Kept::Both, by_trees: true });
             steps += 1;
         }
         // The next panel has much the same needs.
@@ -271,7 +295,7 @@ impl<'a> Energy<'a> {
     /// Takes the first cycle again where less was kept than is asked for.
     fn keep(&self, workspace: &mut Workspace, half: usize, sigma: f64, kept: &mut Kept, least: Kept) {
         if *kept < least {
-            self.step(workspace, half, sigma, Step { first: true, keep: least });
+            self.step(workspace, half, sigma, Step { first: true, keep: least, by_trees: true });
             *kept = least;
         }
     }
@@ -347,7 +371,8 @@ impl<'a> Energy<'a> {
     /// A cycle from zero, or one that improves the `y` that was kept, and the terms of the enclosure for the `y` found. Keeps `y`, or that and
     /// `r − Ay`, if asked to.
     fn step(&self, workspace: &mut Workspace, half: usize, sigma: f64, step: Step) -> Enclosure {
-        let Workspace { right, y, rest, next_y, next_rest, cycle, .. } = workspace;
+        let Workspace { right, y, rest, next_y, next_rest, cycle, trees, .. } = workspace;
+        let (trees, forest) = (&*trees, self.forest.as_ref().filter(|_| step.by_trees));
         let right = &right[half];
         // A first cycle looks at nothing that was kept before, and puts what it finds in its place.
         let (to_y, to_rest) = if step.first { (&mut *y, &mut *rest) } else { (&mut *next_y, &mut *next_rest) };
@@ -365,7 +390,10 @@ impl<'a> Energy<'a> {
             }
             kept.copy_from_slice(&improved[..kept.len()]);
             let mut found = Enclosure::default();
-            self.enclose(patch, improved, &right[patch.rows()], sigma, &mut found, rest);
+            trees.with(Trees::default, |trees| {
+                let of = Enclosed { patch, right: &right[patch.rows()], sigma, forest };
+                self.enclose(of, improved, &mut found, rest, trees);
+            });
             found
         });
         if !step.first {
@@ -416,6 +444,8 @@ fn conclude(
 struct Step {
     first: bool,
     keep: Kept,
+    /// Whether what is left is measured by the forest, and not by the mass alone.
+    by_trees: bool,
 }
 
 /// What a cycle leaves behind.
@@ -459,6 +489,7 @@ struct Workspace {
     next_y: Vec<CycleRow>,
     next_rest: Vec<CycleRow>,
     cycle: CycleWorkspace,
+    trees: Spare<Trees>,
 }
 
 impl Workspace {
@@ -473,6 +504,7 @@ impl Workspace {
             rest: Vec::new(),
             next_y: Vec::new(),
             next_rest: Vec::new(),
+            trees: Spare::default(),
             cycle: if shared { hierarchy.shared_workspace() } else { hierarchy.workspace() },
         }
     }

@@ -5,7 +5,7 @@
 
 use super::domain::Domain;
 use crate::operator::EigenProblem;
-use chladni_algebra::{SparseMatrix, independent_columns};
+use chladni_algebra::SparseMatrix;
 
 /// A vertex becomes a column where the square of its longest edge exceeds this many cells' areas. Measured on animals of 5,000 vertices:
 /// with 1 a fifth less error for three times as many columns.
@@ -132,12 +132,6 @@ pub(super) fn count(space: &SparseMatrix<f32>) -> usize {
             columns.len() == 1 && entries[columns[0] as usize] == 1
         })
         .count()
-}
-
-/// `space` without columns that are closer than `least` times their own length to a combination of the others; `mass` is that of its columns,
-/// `d × d`.
-pub(super) fn independent(space: &SparseMatrix<f32>, mass: &SparseMatrix, least: f64) -> SparseMatrix<f32> {
-    of_columns(space, &independent_columns(&mass.to_dense(), least))
 }
 
 /// `space` with some of its columns alone, ascending.

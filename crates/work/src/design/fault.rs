@@ -56,4 +56,11 @@ pub enum DesignFault {
     Cancelled(#[from] Cancelled),
 }
 
+impl DesignFault {
+    /// Whether the space of a basis has too few dimensions for what it has to be, which a field of the whole surface may be.
+    pub fn lacks_freedom(&self) -> bool {
+        matches!(self, Self::Design(DesignError::Dependent { .. }) | Self::Request { within: "dependent", .. })
+    }
+}
+
 stopped!(DesignFault: FieldError => Field, DesignError => Design, RefineError => Refine, StreamlineError => Lines, QuadError => Quads);

@@ -76,6 +76,8 @@ pub struct Setting {
     full: Arc<OnceLock<FullSpace>>,
     /// The bytes that factors of the whole surface may take.
     room: u64,
+    /// The multiplications that making them may take where nobody insists.
+    operations: f64,
 }
 
 impl std::fmt::Debug for Setting {
@@ -146,7 +148,7 @@ impl Setting {
     pub fn new(fields: Arc<StoredFields>, surface: Arc<Surface>) -> Result<Self, DesignFault> {
         let (basis, faces) = (fields.basis.space.faces(), surface.surface.faces());
         match basis == faces {
-            true => Ok(Self { fields, surface, full: Arc::default(), room: USUAL_ROOM }),
+            true => Ok(Self { fields, surface, full: Arc::default(), room: USUAL_ROOM, operations: MOST_OPERATIONS }),
             false => Err(DesignFault::Surface { basis, surface: faces }),
         }
     }
@@ -155,6 +157,12 @@ impl Setting {
     #[must_use]
     pub fn with_room(self, room: u64) -> Self {
         Self { room, ..self }
+    }
+
+    /// The same with so many multiplications that factors of the whole surface may take where nobody insists on them.
+    #[cfg(test)]
+    fn with_operations(self, operations: f64) -> Self {
+        Self { operations, ..self }
     }
 
     /// Whether factors of the whole surface are expected to fit, so that a design is one among all its fields where nobody says otherwise.
@@ -334,17 +342,25 @@ impl Setting {
         monitor: &dyn Monitor,
     ) -> Result<Designed, DesignFault> {
         let whole = full.filter(|full| full.is_factored() && self.is_of_surface(full, request));
-        let mut designed = match whole.filter(|_| !coefficients) {
-            None => self.solve(weighted, constraints)?,
-            Some(whole) => {
-                // The same is refused, whatever the answer has.
-                let mut brief = self.solved(WeightedModel::solve_briefly, weighted, constraints)?;
-                if let Some(found) = whole.least_field(weighted, &self.fields.basis, &brief.constraints, monitor)? {
-                    brief.take(found);
-                    return Ok(brief);
+        let brief = whole.is_some() && !coefficients;
+        // The same is refused, whatever the answer has.
+        let solved = match brief {
+            true => self.solved(WeightedModel::solve_briefly, weighted, constraints.clone()),
+            false => self.solve(weighted, constraints.clone()),
+        };
+        let mut designed = match (solved, whole) {
+            (Ok(mut designed), Some(whole)) if brief => {
+                if let Some(found) = whole.least_field(weighted, &self.fields.basis, &designed.constraints, monitor)? {
+                    designed.take(found);
+                    return Ok(designed);
                 }
-                self.solve(weighted, brief.constraints)?
+                self.solve(weighted, designed.constraints)?
             }
+            (Err(refused), Some(whole)) if refused.lacks_freedom() => {
+                let found = self.beyond_the_space(whole, weighted, (constraints, coefficients), monitor)?;
+                return found.ok_or(refused);
+            }
+            (solved, _) => solved?,
         };
         if let Some(full) = full {
             self.judge(full, weighted, request, &mut designed, monitor)?;
@@ -352,9 +368,70 @@ impl Setting {
         Ok(designed)
     }
 
+    /// The field of the surface under constraints that the space of the basis has too few dimensions for; the surface has more. `None` where factors do
+    /// not give it.
+    ///
+    /// # Errors
+    /// [`DesignFault::Refine`].
+    fn beyond_the_space(
+        &self,
+        full: &FullSpace,
+        weighted: &WeightedModel,
+        (constraints, coefficients): (Vec<Constraint>, bool),
+        monitor: &dyn Monitor,
+    ) -> Result<Option<Designed>, DesignFault> {
+        let basis = &self.fields.basis;
+        let Some(mut found) = full.least_field(weighted, basis, &constraints, monitor)? else { return Ok(None) };
+        if coefficients {
+            found = full.with_nearest(weighted, basis, found)?;
+            if found.coefficients.is_empty() {
+                return Ok(None);
+            }
+        }
+        let mut designed = Designed {
+            design: Design {
+                coefficients: Vec::new(),
+                ritz: Vec::new(),
+                harmonic_energy: 0.0,
+                biharmonic_energy: 0.0,
+                alignment_energy: None,
+                residuals: Vec::new(),
+                turn: None,
+            },
+            constraints,
+            exact: None,
+            refined: None,
+            error: None,
+        };
+        designed.take(found);
+        Ok(Some(designed))
+    }
+
+    /// The [`answer`](Self::answer) where time is limited, which `limited` tells: where that is over and nobody insists on the field of the surface, nor
+    /// asks how far that of the basis is from it, that of the basis, which is there at once.
+    ///
+    /// # Errors
+    /// Those of [`answer`](Self::answer): cancellation, where `monitor` says so, or where time is over and the field of the basis will not do.
+    pub fn answer_within(
+        &self,
+        full: Option<&FullSpace>,
+        weighted: &WeightedModel,
+        request: &DesignRequest,
+        (constraints, coefficients): (Vec<Constraint>, bool),
+        (limited, monitor): (&dyn Monitor, &dyn Monitor),
+    ) -> Result<Designed, DesignFault> {
+        match self.answer(full, weighted, request, (constraints.clone(), coefficients), limited) {
+            Err(DesignFault::Cancelled(_)) if !request.must_be_of_surface() && !request.error => {
+                monitor.checkpoint()?;
+                self.answer(None, weighted, request, (constraints, coefficients), monitor)
+            }
+            answered => answered,
+        }
+    }
+
     /// Whether the answer is one of all fields of the surface: where nobody insists, only if factors are there or are soon made.
     fn is_of_surface(&self, full: &FullSpace, request: &DesignRequest) -> bool {
-        let soon = || full.is_factored() && full.operations_of_making() <= MOST_OPERATIONS;
+        let soon = || full.is_factored() && full.operations_of_making() <= self.operations;
         request.is_of_surface(self.has_room()) && (request.must_be_of_surface() || soon())
     }
 
@@ -499,3 +576,7 @@ pub fn numerators(at: &[SingularVertex], kind: FieldKind) -> Result<Vec<Prescrib
         })
         .collect()
 }
+
+#[cfg(test)]
+#[path = "setting_tests.rs"]
+mod tests;

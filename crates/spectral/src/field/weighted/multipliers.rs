@@ -31,8 +31,12 @@ impl WeightedModel {
         (b, kernel): (usize, Kernel<'_>),
         z: &mut [f64],
     ) -> Result<Vec<f64>, DesignError> {
-        let system = System::new(compliance, conditions, b)?;
         let right = right_hand_sides(rows, conditions, (b, kernel), z);
+        let most = match &self.inverse {
+            Inverse::Ritz(diagonal) => diagonal.iter().fold(0.0f64, |most, &d| most.max(d)),
+            Inverse::Sparse(_) => 0.0,
+        };
+        let system = System::new(compliance, conditions, b, (&right, most))?;
         let mut solutions = right.clone();
         system.factor.solve(&mut solutions).map_err(DesignError::Factor)?;
         let mut y = solutions.column(0).to_vec();
@@ -66,11 +70,16 @@ impl WeightedModel {
 }
 
 impl System {
-    /// Of what pulls move, to which it adds by how much each condition gives way.
+    /// Of what pulls move, to which it adds by how much each condition gives way. `right` has the values of fields without energy in all columns but
+    /// the first; `yielding` is what such a field may be taken to give way by, if it is more than what those with energy do at these numbers.
+    ///
+    /// # Errors
+    /// [`DesignError::Dependent`]: a condition that follows from others, or contradicts them.
     pub(in super::super) fn new(
         mut matrix: DenseMatrix,
         conditions: &[Condition],
         b: usize,
+        (right, yielding): (&DenseMatrix, f64),
     ) -> Result<Self, DesignError> {
         let mean = mean_of_diagonal(&matrix);
         let mut slacks = slacks(&matrix, conditions, b);
@@ -80,6 +89,7 @@ impl System {
                 *slack = 0.0;
             }
         }
+        hold_idle(&mut matrix, mean, (right, yielding));
         let factor = DefiniteFactor::new(matrix.clone()).map_err(|error| match error {
             DefiniteError::NotPositiveDefinite { pivot } => {
                 DesignError::Dependent { face: conditions[(pivot / b).min(conditions.len() - 1)].face }
@@ -125,6 +135,26 @@ impl System {
             y.iter_mut().zip(rest.column(0)).for_each(|(y, r)| *y += r);
         }
         Ok(())
+    }
+}
+
+/// Adds `c N Nᵀ` to what pulls move, with the values `N` of fields without energy. Pulls do no work on these, `Nᵀ y = 0`, so that it changes no
+/// solution; but where nothing else moves, as on a component of which the space has these fields alone, it is what the system is solved by. Without,
+/// all that it had there was rounding, whose inverse drowned what the other components say.
+fn hold_idle(matrix: &mut DenseMatrix, mean: f64, (right, yielding): (&DenseMatrix, f64)) {
+    let (k, columns) = (matrix.columns(), right.columns());
+    if columns < 2 || k == 0 {
+        return;
+    }
+    let mut values = DenseMatrix::zeros(columns - 1, k);
+    for j in 1..columns {
+        right.column(j).iter().enumerate().for_each(|(i, &value)| values.column_mut(i)[j - 1] = value);
+    }
+    let products = values.transposed_times(&values);
+    let size = mean_of_diagonal(&products);
+    if size > 0.0 {
+        let scale = if mean > 0.0 { (mean / size).max(yielding) } else { yielding.max(1.0) };
+        matrix.values_mut().iter_mut().zip(products.values()).for_each(|(own, product)| *own += scale * product);
     }
 }
 

@@ -5,7 +5,7 @@ use super::super::compliance::Compliance;
 use super::super::constraints::{Condition, check, conditions, without_repetitions};
 use super::super::design::{Constraint, DesignError};
 use super::super::refine_response::{Sum, add, dot};
-use super::{KERNEL, WeightedModel};
+use super::WeightedModel;
 use crate::basis::FieldBasis;
 
 impl WeightedModel {
@@ -13,7 +13,7 @@ impl WeightedModel {
     pub(in super::super) fn idle_fields(&self, basis: &FieldBasis) -> Option<Vec<Vec<f64>>> {
         let model = &self.model;
         let coefficients: Vec<Vec<f32>> = if model.has_ritz() {
-            let least = KERNEL * model.values().last().copied().unwrap_or(0.0);
+            let least = model.least_value();
             let count = model.values().iter().take_while(|v| **v <= least).count();
             (0..count).map(|k| model.eigenfield(k)).collect()
         } else if self.alignments.is_empty() {

@@ -6,7 +6,7 @@ use super::super::energy::{Energy, PairShare, measures};
 use super::super::lehmann::{self, Enclosed};
 use super::super::{hats, hidden};
 use super::parts::divided;
-use super::reduce::Ritz;
+use super::reduce::{MOST_ROUNDING, Ritz};
 use super::space::{FEW_ENTRIES, initial_space};
 use super::{ApproximationError, ApproximationParameters, FEW_VERTICES};
 use crate::basis::Certificate;
@@ -41,6 +41,11 @@ const LARGEST_DEFECT: f64 = 1e-3;
 
 /// In a solid of more unknowns than this nobody looks for hidden eigenfunctions unasked: the factor takes longer than everything else.
 pub const MOST_COUNTED_IN_SOLID: usize = 20_000;
+
+/// The least that a Ritz value may be, up to rounding, where no eigenvalue lies below `−floor`. On unit area 1 is little, and all may be zero.
+fn possible_from(floor: f64, values: &[f64]) -> f64 {
+    -floor - MOST_ROUNDING * values.last().map_or(1.0, |value| value.abs().max(1.0))
+}
 
 /// What may still help.
 pub(super) struct Remedies {
@@ -131,11 +136,16 @@ impl Attempt {
     /// What the certificate says of all pairs together; no eigenvalue lies below `−floor`.
     pub(super) fn conclude(&mut self, floor: f64, area: f64) {
         let pairs = &self.ritz.pairs;
-        // No eigenvalue lies below the floor, and none of index `k` above the value of pair `k`. A value that is exactly zero is known.
+        // No eigenvalue lies below the floor, and none of index `k` above the value of pair `k`, which is a Ritz value unless rounding has decided it. A
+        // value that is exactly zero is known.
+        let possible = possible_from(floor, &pairs.values);
         let Certificate { estimates, bounds, .. } = &mut self.certificate;
-        for list in [estimates, bounds] {
+        for (list, unknown) in [(estimates, f64::INFINITY), (bounds, 0.0)] {
             for (distance, value) in list.iter_mut().zip(&pairs.values) {
-                *distance = distance.min((value + floor).max(0.0) / area);
+                *distance = match *value >= possible {
+                    true => distance.min((value + floor).max(0.0) / area),
+                    false => distance.max(unknown),
+                };
             }
         }
         let last = self.count.checked_sub(1).and_then(|k| pairs.values.get(k)).copied().unwrap_or(f64::NEG_INFINITY);
@@ -156,6 +166,20 @@ impl Attempt {
         if !(self.certificate.orthonormality_defect <= LARGEST_DEFECT) {
             // Estimates are of functions of unit mass; these are not what the dense problem took them for.
             self.largest_estimate = f64::INFINITY;
+        }
+    }
+
+    /// The values of the pairs, unless one of them is below all that are possible: then it is no Ritz value, and rounding has decided the others as well.
+    ///
+    /// # Errors
+    /// [`ApproximationError::Rounding`].
+    pub(super) fn possible(&self, floor: f64, area: f64) -> Result<(), ApproximationError> {
+        let values = &self.ritz.pairs.values;
+        match values.first() {
+            Some(&lowest) if !(lowest >= possible_from(floor, values)) => {
+                Err(ApproximationError::Rounding { value: lowest / area, least: 0.0 - floor / area })
+            }
+            _ => Ok(()),
         }
     }
 

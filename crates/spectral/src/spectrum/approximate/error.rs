@@ -47,6 +47,17 @@ pub enum ApproximationError {
         /// Why.
         reason: String,
     },
+    /// Rounding has decided the restricted problem.
+    #[error(
+        "rounding errors decide the restricted problem: a value of {value:.3e} came out, and none can lie below {least:.3e}; triangles differ too \
+         much in size or shape for this operator in a space of smooth functions: take the method hsim, or the robust operator"
+    )]
+    Rounding {
+        /// The lowest value, in 1/length² of the input.
+        value: f64,
+        /// No eigenvalue lies below this.
+        least: f64,
+    },
     /// More pairs than unknowns were asked for.
     #[error("{count} eigenpairs are asked for, but there are {unknowns} unknowns")]
     Count {
@@ -84,7 +95,7 @@ impl ApproximationError {
         match self {
             Self::Cancelled(_) => "cancelled",
             Self::Radial(_) | Self::Heat(_) => "subspace-failed",
-            Self::Reduce(_) => "restriction-failed",
+            Self::Reduce(_) | Self::Rounding { .. } => "restriction-failed",
             Self::Eigen(_) => "eigenproblem-failed",
             Self::Certificate(_) => "certificate-failed",
             Self::Factor(_) => "factorisation-failed",

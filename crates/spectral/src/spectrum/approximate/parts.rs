@@ -12,7 +12,7 @@ use std::borrow::Cow;
 
 use rayon::prelude::*;
 
-use super::super::certificate::{KERNEL, certificate_of, gram_defect};
+use super::super::certificate::{KERNEL, certificate_of, gram_defect, infinity_norm_of};
 use super::super::domain::Domain;
 use super::super::energy::{Energy, PairShare, measures};
 use super::super::hsim::is_balanced;
@@ -67,6 +67,9 @@ enum Source<'a> {
     /// Rows are made where they are asked for; and the largest sum of magnitudes in a row over its mass.
     ByRows(&'a LaplacianByRows<'a>, f64),
 }
+
+/// A problem with at least some rows of its stiffness.
+type WithRows<'f, 'p> = dyn Fn(&[u32]) -> Cow<'p, EigenProblem> + 'f;
 
 impl<'a> Parted<'a> {
     /// Divides an approximation; into parts of half a million vertices where their number is not given. `version` is that of the solver.
@@ -202,7 +205,7 @@ impl<'a> Parted<'a> {
         ritz: Ritz,
         rows: Vec<u32>,
         number: usize,
-        (rows_at_once, problem): (usize, &dyn Fn(&[u32]) -> Cow<'p, EigenProblem>),
+        (rows_at_once, problem): (usize, &WithRows<'_, 'p>),
     ) -> Result<Part, PartError> {
         let monitor = self.monitor;
         monitor.stage("bounds");
@@ -230,7 +233,7 @@ impl<'a> Parted<'a> {
                 0 => sums = shares,
                 _ => sums.iter_mut().zip(&shares).for_each(|(sum, share)| sum.add(share)),
             }
-            stiffness_norm = stiffness_norm.max(norm(&problem.stiffness, &own));
+            stiffness_norm = stiffness_norm.max(infinity_norm_of(&problem.stiffness, own.par_iter().copied()));
         }
         let own = space.select_rows(&rows);
         drop(space);
@@ -301,6 +304,7 @@ impl<'a> Parted<'a> {
                 Source::ByRows(problem, _) => approximate(self.mesh, &problem.whole(), &self.parameters, self.monitor)?,
             });
         }
+        attempt.possible((-operator.floor).max(0.0), problem.area)?;
         let accuracy = self.parameters.goal.map(|goal| report(domain, &attempt, self.parameters.space, 0, goal.error));
         Ok(delivered(domain, operator, attempt, accuracy, None))
     }
@@ -348,10 +352,15 @@ fn rows_of(part_of: &[u32], number: usize) -> Vec<u32> {
     (0..part_of.len() as u32).filter(|&row| part_of[row as usize] == number as u32).collect()
 }
 
+/// Whether a stiffness is that of the cotangents of the mesh, but for rows of vertices that are held.
+pub(super) fn has_cotangents(operator: &MeshOperator) -> bool {
+    let of_triangles = operator.report.laplacian == Laplacian::Cotangent && operator.report.reason != Reason::Points;
+    of_triangles && operator.is_laplacian_but_for_the_held()
+}
+
 /// Whether an operator is a sum over triangles that falls apart into parts, or why it is not.
 pub(super) fn has_parts(operator: &MeshOperator) -> Result<(), &'static str> {
-    let of_triangles = operator.report.laplacian == Laplacian::Cotangent && operator.report.reason != Reason::Points;
-    if !of_triangles || !operator.is_laplacian_but_for_the_held() {
+    if !has_cotangents(operator) {
         return Err("parts are made of the triangles of the Laplacian by cotangents, and of no other operator");
     }
     match operator.problem.mass {
@@ -380,12 +389,6 @@ impl SymmetricDefiniteSolver for OneThread {
             Err(_) => CpuSolver.lowest(a, b, count, monitor),
         }
     }
-}
-
-/// The largest sum of magnitudes in some rows.
-fn norm(matrix: &SparseMatrix, rows: &[u32]) -> f64 {
-    let of_row = |&row: &u32| matrix.row(row as usize).1.iter().map(|value| value.abs()).sum::<f64>();
-    rows.par_iter().map(of_row).reduce(|| 0.0, f64::max)
 }
 
 /// The part of each unknown: the surface is halved across its longest extent, and so on, to as many parts of about one size.

@@ -190,7 +190,7 @@ impl Energy<'_> {
     ) -> Half {
         let mut enclosed = Enclosure::default();
         for step in 0..MOST_STEPS {
-            enclosed = self.step(workspace, half, sigma, Step { first: step == 0, keep: Kept::Both });
+            enclosed = self.step(workspace, half, sigma, Step { first: step == 0, keep: Kept::Both, by_trees: false });
             let is_close = |k: usize| self.mass_ratio() * enclosed.excess[k] <= SLACK * sigma * enclosed.below[k];
             if (0..count).all(is_close) {
                 break;

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::super::approximate::ApproximationError;
 use super::super::shifted::ShiftedPencil;
-use super::rows::Enclosure;
+use super::rows::{Enclosed, Enclosure, Trees};
 use super::{CLOSE, Energy, HALVES, KernelAndGoal, Measure, SHIFT, Workspace};
 use chladni_algebra::{CYCLE_WIDTH, CycleRow, Factor, LIFT_WIDTH, PANEL_WIDTH, RowLifter};
 use chladni_base::{Cancelled, Monitor, Share};
@@ -152,11 +152,13 @@ impl Energy<'_> {
     /// The terms of the enclosure for sixteen columns `y` in double precision.
     pub(super) fn enclose_all(&self, y: &[[f64; CYCLE_WIDTH]], right: &[CycleRow], sigma: f64) -> Enclosure {
         let mut enclosed = Enclosure::default();
-        let mut local = Vec::new();
+        let (mut local, mut trees) = (Vec::new(), Trees::default());
         for patch in self.hierarchy.patches() {
             local.clear();
             local.extend(patch.vertices(1).iter().map(|&vertex| y[vertex as usize]));
-            self.enclose(patch, &local, &right[patch.rows()], sigma, &mut enclosed, &mut []);
+            // A solution leaves next to nothing.
+            let of = Enclosed { patch, right: &right[patch.rows()], sigma, forest: None };
+            self.enclose(of, &local, &mut enclosed, &mut [], &mut trees);
         }
         enclosed
     }

@@ -11,7 +11,7 @@ use std::sync::OnceLock;
 use rayon::prelude::*;
 
 use super::rows::{PairResidual, rounding_weights};
-use super::{Energy, KernelAndGoal, Measure, conclude, over_panels, sigma};
+use super::{Energy, Forest, KernelAndGoal, Measure, Obtuse, conclude, over_panels, sigma};
 use crate::basis::NUMBERS_OF_SHARE;
 use crate::operator::{EigenProblem, laplace};
 use chladni_algebra::gpu::{EnclosureSums, ResidualSums};
@@ -112,6 +112,7 @@ impl<'a> Energy<'a> {
         let loose = Loose::new(mesh, problem, part_of, part);
         monitor.checkpoint()?;
         let Loose { rows, own, coupled, stiffness } = loose;
+        let obtuse = Obtuse::of(mesh, problem, &rows[..own]);
         let masses = problem.mass.lumped();
         // Rows of other parts have no share in anything; a mass of zero would divide by it.
         let lumped: Vec<f64> =
@@ -126,6 +127,7 @@ impl<'a> Energy<'a> {
             problem,
             order: rows,
             mass,
+            forest: Forest::below(&stiffness, &lumped, 0.0, hierarchy.patches(), Some(&obtuse)),
             lumped,
             rounding,
             floor: 0.0,

@@ -1,8 +1,27 @@
 //! The rows of a patch: residuals of sixteen pairs, and the terms that enclose their norms.
 
+use super::forest::{Forest, Pivot, Pivots};
 use super::{Energy, MASS_ROUNDING, SINGLE};
 use chladni_algebra::gpu::{EnclosureSums, ResidualSums};
 use chladni_algebra::{CYCLE_WIDTH, CycleRow, LIFT_WIDTH, MassMatrix, Patch, SparseMatrix, vectorized};
+
+/// What is enclosed on a patch.
+#[derive(Clone, Copy)]
+pub(super) struct Enclosed<'a> {
+    pub(super) patch: &'a Patch,
+    /// `r` of its rows.
+    pub(super) right: &'a [CycleRow],
+    pub(super) sigma: f64,
+    /// What measures what is left; the mass alone if there is none.
+    pub(super) forest: Option<&'a Forest>,
+}
+
+/// Memory for the trees of a patch.
+#[derive(Default)]
+pub(super) struct Trees {
+    pivots: Pivots,
+    carried: Vec<[f64; CYCLE_WIDTH]>,
+}
 
 /// Sums over the residuals of sixteen pairs.
 #[derive(Default)]
@@ -27,14 +46,14 @@ impl PairResidual {
     }
 }
 
-/// The terms of the enclosure; those of `r − Ay` are in the inverse lumped mass.
+/// The terms of the enclosure; those of `r − Ay` are in the inverse lumped mass, or less.
 #[derive(Default)]
 pub(super) struct Enclosure {
     /// `2 yᵀr − yᵀAy`
     pub(super) below: [f64; CYCLE_WIDTH],
     /// The sum of the magnitudes of its terms.
     pub(super) size: [f64; CYCLE_WIDTH],
-    /// `‖r − Ay‖²`
+    /// `‖r − Ay‖²`; by a forest `σ ‖r − Ay‖²_{B⁻¹}`, `B = T + σM`, of which the other is what `σM` alone makes.
     pub(super) excess: [f64; CYCLE_WIDTH],
     /// A bound on the square of `‖δ‖`, δ the rounding error of `S y`.
     pub(super) rounding: [f64; CYCLE_WIDTH],
@@ -151,19 +170,30 @@ impl Energy<'_> {
     /// `r − Ay`.
     pub(super) fn enclose<T: Copy + Into<f64>>(
         &self,
-        patch: &Patch,
+        of: Enclosed<'_>,
         y: &[[T; CYCLE_WIDTH]],
-        right: &[CycleRow],
-        sigma: f64,
         found: &mut Enclosure,
         rests: &mut [CycleRow],
+        trees: &mut Trees,
     ) {
+        let Enclosed { patch, right, sigma, forest } = of;
         let shift = sigma + self.floor;
+        let Trees { pivots, carried } = trees;
+        let of_mass = sigma / self.mass.lumped_ratio();
+        match forest {
+            Some(forest) => forest.pivots(patch.rows(), |row| of_mass * self.lumped[row], of_mass, pivots),
+            None => pivots.of_mass(&self.lumped[patch.rows()]),
+        }
+        carried.clear();
+        carried.resize(patch.rows().len(), [0.0; CYCLE_WIDTH]);
+        let (pivots, start) = (pivots.all(), patch.rows().start);
         vectorized(
-            (found, rests),
+            (found, rests, carried),
             #[inline(always)]
-            |(found, rests)| {
-                for (row, (r, global)) in right.iter().zip(patch.rows()).enumerate() {
+            |(found, rests, carried)| {
+                for &Pivot { row, parent, share, inverse } in pivots {
+                    let row = row as usize;
+                    let (r, global) = (&right[row], start + row);
                     if global >= self.own {
                         // A row of another part: `y` is nothing there, and so is what is left.
                         if let Some(rests) = rests.get_mut(row) {
@@ -196,7 +226,9 @@ impl Energy<'_> {
                             }
                         }
                     }
-                    let (inverse, weight) = (1.0 / self.lumped[global], self.rounding[global]);
+                    let weight = self.rounding[global];
+                    let above = carried[row];
+                    let mut given = carried[parent as usize];
                     let mut rests = rests.get_mut(row);
                     for k in 0..CYCLE_WIDTH {
                         let (r, y): (f64, f64) = (f64::from(r[k]), own[k].into());
@@ -204,10 +236,13 @@ impl Energy<'_> {
                         ay[k] = rest;
                         found.below[k] += y * (r + rest);
                         found.size[k] += (y * r).abs() + (y * rest).abs();
-                        found.excess[k] += rest * rest * inverse;
+                        let sum = rest + above[k];
+                        given[k] = share.mul_add(sum, given[k]);
+                        found.excess[k] += sum * sum * inverse;
                         found.rounding[k] += weight * y * y;
                         found.mass[k] += y * mass_y[k];
                     }
+                    carried[parent as usize] = given;
                     if let Some(rests) = &mut rests {
                         rests.iter_mut().zip(&ay).for_each(|(to, &rest)| *to = rest as f32);
                     }

@@ -4,11 +4,13 @@
 //! whatever comes after. One inertia count tells `c`; the lowest `c + k` pairs are proven complete as always, and enclosures tell which of them are
 //! the nearest.
 
+use std::ops::Range;
+
 use chladni_algebra::{FactorError, MassMatrix, SparseMatrix, SymbolicFactor, fill_reducing_order};
 use chladni_base::Monitor;
 
 use super::{Pairs, Parameters, Pencil, PencilError, lowest};
-use crate::basis::{Around, InertiaCount, NearPair};
+use crate::basis::{Around, CutCluster, InertiaCount, NearPair};
 use crate::spectrum::hsim::{self, HsimError, Wanted};
 
 /// Columns of a typical solve, as far as the order of the factor goes.
@@ -42,10 +44,15 @@ pub(super) fn solve(
         // What lies next to the shift may have been counted on its other side: only pairs that are surely above it tell that nothing nearer comes after.
         let enclosed = pairs.values.iter().zip(&pairs.certificate.bounds);
         let above = enclosed.filter(|(value, bound)| *value - *bound >= shift).count();
-        if above >= count || computed == n {
+        // Or that as many as are wanted lie on the shift, as far as one can tell, in a cluster that goes on: then nothing is nearer.
+        let enclosed = pairs.values.iter().zip(&pairs.certificate.bounds);
+        let on_shift = enclosed.filter(|(value, bound)| (*value - shift).abs() <= **bound).count();
+        let goes_on = pairs.certificate.cut.is_some_and(|cut| cut.end > computed);
+        if above >= count || computed == n || (on_shift >= count && goes_on) {
             return nearest(pairs, shift, count, &counter);
         }
-        computed = (computed + count - above).min(n);
+        // A quarter more at least: a cluster on the shift may be all that there is.
+        computed = (computed + (count - above).max(computed / 4)).min(n);
     }
 }
 
@@ -97,7 +104,13 @@ impl Counter {
 fn nearest(mut pairs: Pairs, shift: f64, count: usize, counter: &Counter) -> Result<Pairs, PencilError> {
     let values = &pairs.values;
     let (start, end) = window(values, shift, count);
-    pairs.certificate.around = Some(Around { shift, ties: ties(values, &pairs.certificate.bounds, shift, start..end) });
+    let mut ties = ties(values, &pairs.certificate.bounds, shift, start..end);
+    if let Some(cut) = pairs.certificate.cut.filter(|_| end == values.len()) {
+        ties.extend(copies(cut, start..end, values, &pairs.certificate.bounds));
+        ties.sort_unstable_by_key(|tie| tie.index);
+        ties.dedup_by_key(|tie| tie.index);
+    }
+    pairs.certificate.around = Some(Around { shift, ties });
     // Whoever judges the pairs counts what lies below the first, and below the last and it.
     for (at, is_last) in [(start, false), (end, true)] {
         let below = pairs.certificate.first + at;
@@ -143,7 +156,7 @@ fn window(values: &[f64], shift: f64, count: usize) -> (usize, usize) {
 }
 
 /// The pairs, delivered or not, of which enclosures do not let one tell which are nearer.
-fn ties(values: &[f64], bounds: &[f64], shift: f64, window: std::ops::Range<usize>) -> Vec<NearPair> {
+fn ties(values: &[f64], bounds: &[f64], shift: f64, window: Range<usize>) -> Vec<NearPair> {
     let distance = |k: usize| (values[k] - shift).abs();
     let furthest = window.clone().map(|k| distance(k) + bounds[k]).fold(0.0, f64::max);
     let others = (0..values.len()).filter(|k| !window.contains(k));
@@ -163,6 +176,20 @@ fn ties(values: &[f64], bounds: &[f64], shift: f64, window: std::ops::Range<usiz
         delivered: window.contains(&index),
     })
     .collect()
+}
+
+/// The pairs of a cluster that goes on beyond the last of those that were computed, which is delivered: any of its pairs could stand for it.
+fn copies(cut: CutCluster, window: Range<usize>, values: &[f64], bounds: &[f64]) -> Vec<NearPair> {
+    let Some(last) = values.len().checked_sub(1).filter(|&last| cut.first <= last && cut.end > values.len()) else {
+        return Vec::new();
+    };
+    let copy = |index: usize| NearPair {
+        index,
+        value: values[index.min(last)],
+        within: bounds[index.min(last)],
+        delivered: window.contains(&index),
+    };
+    (cut.first.max(window.start)..cut.end).map(copy).collect()
 }
 
 /// A shift between a pair and the one before, where their enclosures leave room for one, and how much room on either side.
@@ -194,5 +221,10 @@ mod tests {
         assert!(ties(&values, &bounds, 0.1, 1..3).is_empty());
         let tied: Vec<_> = ties(&values, &bounds, 0.0, 1..2).iter().map(|pair| (pair.index, pair.delivered)).collect();
         assert_eq!(tied, [(1, true), (2, false)]);
+        // A cluster that goes on beyond what was computed.
+        let cluster = |first, end| copies(CutCluster { first, end }, 2..4, &values, &bounds);
+        let tied: Vec<_> = cluster(3, 6).iter().map(|pair| (pair.index, pair.delivered)).collect();
+        assert_eq!(tied, [(3, true), (4, false), (5, false)]);
+        assert!(cluster(1, 4).is_empty() && cluster(4, 6).is_empty());
     }
 }

@@ -1,0 +1,90 @@
+//! What obtuse triangles leave of the edges of a surface.
+//!
+//! The matrix of a triangle with half cotangents `a`, `b` and `−c` has no negative eigenvalue, since `ab ≥ c (a + b)`, and neither has what is left of it
+//! where the two edges of positive weight give away all but the share `x = c (a + b) / (ab)` of theirs: `xa · xb = c (xa + xb)`. A triangle without an
+//! obtuse angle gives away all that it has. So an edge may be taken for what its triangles give together.
+
+use rayon::prelude::*;
+
+use crate::operator::{EigenProblem, laplace};
+use chladni_mesh::TriangleMesh;
+use chladni_mesh::intrinsic::TriangleShape;
+
+/// Sums of cotangents err by no more, relative to their magnitudes, and shares are rounded up by as much.
+const ROUNDED: f64 = 1e-12;
+
+/// What an obtuse triangle adds to the weight of an edge that may be taken, or takes from it.
+#[derive(Debug, Clone, Copy)]
+struct Change {
+    /// The rows of its ends, the lower one first.
+    ends: (u32, u32),
+    amount: f64,
+}
+
+/// The changes by all obtuse triangles.
+#[derive(Debug)]
+pub(super) struct Obtuse {
+    /// By ascending ends.
+    changes: Vec<Change>,
+}
+
+impl Obtuse {
+    /// Those of the triangles of `mesh` that have no corner in another row of `problem` than the given ones. Rows are called by their places among
+    /// these; vertices that are held at zero have none.
+    pub(super) fn of(mesh: &TriangleMesh, problem: &EigenProblem, rows: &[u32]) -> Self {
+        const HELD: u32 = u32::MAX;
+        const OTHER: u32 = HELD - 1;
+        let vertex = |row: u32| problem.unknowns.as_ref().map_or(row, |unknowns| unknowns[row as usize]) as usize;
+        let mut places = vec![HELD; mesh.positions.len()];
+        (0..problem.size() as u32).for_each(|row| places[vertex(row)] = OTHER);
+        rows.iter().zip(0..).for_each(|(&row, place)| places[vertex(row)] = place);
+        let scale = laplace::power_of_two_scale(&mesh.positions).unwrap_or(1.0);
+        let changes = |face: &[u32; 3]| {
+            let mut changes = [None; 3];
+            let corners = face.map(|vertex| places[vertex as usize]);
+            let shape = TriangleShape::of_corners(face.map(|v| mesh.positions[v as usize].map(|c| c * scale)));
+            let Some(corner) = (0..3).find(|&k| shape.half_cotangents[k] < 0.0) else { return changes };
+            if shape.area == 0.0 || corners.contains(&OTHER) {
+                return changes;
+            }
+            let (next, last) = ((corner + 1) % 3, (corner + 2) % 3);
+            let [a, b, c] = [next, last, corner].map(|k| shape.half_cotangents[k].abs());
+            let share = (c * (a + b) / (a * b) * (1.0 + ROUNDED)).min(1.0);
+            for (change, (opposite, amount)) in
+                changes.iter_mut().zip([(corner, c), (next, -share * a), (last, -share * b)])
+            {
+                let [i, j] = [corners[(opposite + 1) % 3], corners[(opposite + 2) % 3]];
+                *change = (i != HELD && j != HELD).then_some(Change { ends: (i.min(j), i.max(j)), amount });
+            }
+            changes
+        };
+        let mut changes: Vec<Change> = mesh.faces.par_iter().flat_map_iter(changes).flatten().collect();
+        // By amount too, so that sums do not depend on the order of the faces.
+        changes.par_sort_unstable_by(|a, b| a.ends.cmp(&b.ends).then(a.amount.total_cmp(&b.amount)));
+        Self { changes }
+    }
+
+    /// What obtuse triangles change of the edges from a row to rows of higher numbers.
+    pub(super) fn row(&self, row: u32) -> OfRow<'_> {
+        let from = self.changes.partition_point(|change| change.ends.0 < row);
+        let length = self.changes[from..].iter().take_while(|change| change.ends.0 == row).count();
+        OfRow { changes: &self.changes[from..from + length] }
+    }
+}
+
+/// The changes of one row.
+pub(super) struct OfRow<'a> {
+    changes: &'a [Change],
+}
+
+impl OfRow<'_> {
+    /// What may be taken of an edge of such a weight.
+    pub(super) fn left(&self, other: u32, weight: f64) -> f64 {
+        let (mut sum, mut size) = (weight, weight.abs());
+        for change in self.changes.iter().filter(|change| change.ends.1 == other) {
+            sum += change.amount;
+            size += change.amount.abs();
+        }
+        sum - ROUNDED * size
+    }
+}
