@@ -43,8 +43,8 @@ pub(super) struct Assembled {
     pub massless_vertices: usize,
 }
 
-/// Adds up stiffness and mass, row by row; `area` is that of all triangles, and `corners` are those on the vertices of the rows. The result does not depend on the number of threads, and
-/// the stiffness is symmetric to the last bit.
+/// Adds up stiffness and mass, row by row; `area` is that of all triangles, and `corners` are those on the vertices of the rows. The result does not
+/// depend on the number of threads, and the stiffness is symmetric to the last bit.
 pub(super) fn assemble(triangles: &Triangles<'_>, corners: &Corners, area: f64, mass: MassKind) -> Assembled {
     let n = triangles.rows.map_or(triangles.vertices, <[u32]>::len);
     let blocks: Vec<Block> = (0..n.div_ceil(ROWS_PER_TASK))

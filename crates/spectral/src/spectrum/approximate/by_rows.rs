@@ -33,8 +33,8 @@ pub(super) struct Restricted {
     pub mass: SparseMatrix,
 }
 
-/// Prepares the columns that [`initial_space`](super::space::initial_space) makes. `parameters` tell afterwards how they were made. `None` where they are made in one
-/// piece alone: where some vertices become columns by themselves.
+/// Prepares the columns that [`initial_space`](super::space::initial_space) makes. `parameters` tell afterwards how they were made. `None` where they
+/// are made in one piece alone: where some vertices become columns by themselves.
 pub(super) fn columns(
     problem: &LaplacianByRows<'_>,
     parameters: &mut ApproximationParameters,
@@ -119,7 +119,8 @@ fn once(
             Some((of_stiffness, of_mass)) => (sum(&of_stiffness, &stiffness), sum(&of_mass, &mass)),
         });
         let rows: Vec<u32> = rows.into_iter().filter(|&row| kept[row as usize]).collect();
-        own.push((rows.clone(), space.select_rows(&rows)));
+        let share = space.select_rows(&rows);
+        own.push((rows, share));
     }
     monitor.progress(1.0);
     let d = columns.columns();
