@@ -111,6 +111,11 @@ impl<T> SparseMatrix<T> {
         &self.values
     }
 
+    /// What it is made of: [`offsets`](Self::offsets), [`indices`](Self::indices) and [`values`](Self::values).
+    pub fn into_parts(self) -> (Vec<usize>, Vec<u32>, Vec<T>) {
+        (self.offsets, self.indices, self.values)
+    }
+
     /// The columns and values of one row.
     pub fn row(&self, row: usize) -> (&[u32], &[T]) {
         let range = self.offsets[row]..self.offsets[row + 1];

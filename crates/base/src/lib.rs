@@ -5,6 +5,6 @@ mod monitor;
 mod random;
 mod spare;
 
-pub use monitor::{Cancelled, Monitor, Quiet, Share, StageClock, Unwatched, notes};
+pub use monitor::{Cancelled, Monitor, Portion, Quiet, Share, StageClock, Unwatched, notes};
 pub use random::SplitMix64;
 pub use spare::Spare;

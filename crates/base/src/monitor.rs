@@ -103,6 +103,36 @@ impl Monitor for Share<'_> {
     }
 }
 
+/// Passes everything on, and tells progress as that of the whole stage: for a step of which several make one.
+pub struct Portion<'a> {
+    /// Who watches the whole.
+    pub whole: &'a dyn Monitor,
+    /// Which step it is, from 0, and of how many.
+    pub step: (usize, usize),
+}
+
+impl Monitor for Portion<'_> {
+    fn stage(&self, name: &'static str) {
+        self.whole.stage(name);
+    }
+    fn progress(&self, fraction: f64) {
+        let (step, steps) = self.step;
+        self.whole.progress((step as f64 + fraction.clamp(0.0, 1.0)) / steps.max(1) as f64);
+    }
+    fn detail(&self, text: &str) {
+        self.whole.detail(text);
+    }
+    fn note(&self, name: &'static str, text: &str) {
+        self.whole.note(name, text);
+    }
+    fn checkpoint(&self) -> Result<(), Cancelled> {
+        self.whole.checkpoint()
+    }
+    fn promised_bytes(&self) -> Option<u64> {
+        self.whole.promised_bytes()
+    }
+}
+
 /// Seconds spent in each stage, in order of first appearance; wraps another monitor and passes everything on to it.
 pub struct StageClock<'a> {
     inner: &'a dyn Monitor,
@@ -176,5 +206,35 @@ impl Monitor for StageClock<'_> {
     }
     fn promised_bytes(&self) -> Option<u64> {
         self.inner.promised_bytes()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Default)]
+    struct Told(std::sync::Mutex<Vec<f64>>);
+
+    impl Monitor for Told {
+        fn stage(&self, _name: &'static str) {}
+        fn progress(&self, fraction: f64) {
+            self.0.lock().unwrap().push(fraction);
+        }
+        fn checkpoint(&self) -> Result<(), Cancelled> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn steps_of_a_stage_tell_one_progress_that_never_falls() {
+        let told = Told::default();
+        for step in 0..4 {
+            let portion = Portion { whole: &told, step: (step, 4) };
+            [0.0, 0.5, 1.0].into_iter().for_each(|fraction| portion.progress(fraction));
+        }
+        let told = told.0.into_inner().unwrap();
+        assert!(told.is_sorted(), "{told:?}");
+        assert_eq!((told[1], told.last()), (0.125, Some(&1.0)));
     }
 }

@@ -48,6 +48,17 @@ impl Connectivity {
         Self { vertex_offsets, neighbours, lengths, face_offsets, faces_around }
     }
 
+    /// Forgets which faces lie around each vertex: distances along edges do not ask, and of millions of vertices they are a quarter of it all.
+    pub fn forget_faces(&mut self) {
+        self.face_offsets = vec![0; self.vertex_offsets.len()];
+        self.faces_around = Vec::new();
+    }
+
+    /// The edges alone: where those of each vertex begin and end, their other ends, ascending, and their lengths.
+    pub fn into_edges(self) -> (Vec<u32>, Vec<u32>, Vec<f64>) {
+        (self.vertex_offsets, self.neighbours, self.lengths)
+    }
+
     /// The edges of a solid. There are no faces.
     pub fn of_solid(solid: &TetMesh) -> Self {
         let mut pairs: Vec<u64> = Vec::with_capacity(12 * solid.tetrahedra.len());

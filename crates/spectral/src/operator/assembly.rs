@@ -48,7 +48,12 @@ pub(super) fn assemble_on(
         Triangles::Local => None,
     };
     let (laplacian, reason) = match triangles {
-        Triangles::Surface => choose(&parameters.operator, mesh, &measured, refined.as_ref(), &topology),
+        Triangles::Surface => {
+            // What is measured is what the operator would be made of.
+            let (of, faces) = refined.as_ref().map_or((&measured, mesh.faces.len()), |r| (&r.measured, r.faces()));
+            let faces = Quality { faces, thin: of.thin_faces, needles: of.needles };
+            choose(&parameters.operator, faces, refined.is_some(), &topology)
+        }
         Triangles::Local => choose_local(&parameters.operator, mesh, &measured),
     };
     let mut report = OperatorReport {
@@ -89,7 +94,7 @@ pub(super) fn assemble_on(
 }
 
 /// Refuses parameters that are out of range, do not fit the mesh, or are of no operator on functions on a surface.
-fn check(parameters: &OperatorParameters, mesh: &TriangleMesh) -> Result<(), OperatorError> {
+pub(super) fn check(parameters: &OperatorParameters, mesh: &TriangleMesh) -> Result<(), OperatorError> {
     parameters.check()?;
     parameters.check_mesh(mesh.positions.len())?;
     let reason = match &parameters.operator {
@@ -224,7 +229,7 @@ impl Ground<'_> {
 }
 
 /// The finer mesh that the Laplacian of polygons is made of, where that may be taken and there are any.
-fn refined(wanted: &OperatorKind, mesh: &TriangleMesh) -> Result<Option<Refined>, OperatorError> {
+pub(super) fn refined(wanted: &OperatorKind, mesh: &TriangleMesh) -> Result<Option<Refined>, OperatorError> {
     // The Hodge–Laplacian and weights are of faces.
     let takes = matches!(
         wanted,
@@ -250,22 +255,24 @@ fn choose_local(wanted: &OperatorKind, mesh: &TriangleMesh, measured: &Measured)
     }
 }
 
+/// How many faces there are, and how many of them are bad.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Quality {
+    pub faces: usize,
+    pub thin: usize,
+    pub needles: usize,
+}
+
 /// Which Laplacian to take.
-fn choose(
+pub(super) fn choose(
     wanted: &OperatorKind,
-    mesh: &TriangleMesh,
-    measured: &Measured,
-    refined: Option<&Refined>,
+    quality: Quality,
+    polygons: bool,
     topology: &Topology,
 ) -> (Laplacian, Reason) {
-    // What is measured is what the operator would be made of.
-    let (measured, faces) =
-        refined.map_or((measured, mesh.faces.len()), |refined| (&refined.measured, refined.faces()));
     match wanted {
-        OperatorKind::Polygon => match refined {
-            Some(_) => (Laplacian::Polygon, Reason::Requested),
-            None => (Laplacian::Cotangent, Reason::Requested),
-        },
+        OperatorKind::Polygon if polygons => (Laplacian::Polygon, Reason::Requested),
+        OperatorKind::Polygon => (Laplacian::Cotangent, Reason::Requested),
         OperatorKind::Laplace | OperatorKind::Weighted(_) => (Laplacian::Cotangent, Reason::Requested),
         OperatorKind::Robust => (Laplacian::Robust, Reason::Requested),
         OperatorKind::Auto
@@ -276,11 +283,11 @@ fn choose(
         | OperatorKind::Graph => {
             if topology.non_manifold_edges + topology.non_manifold_vertices > 0 {
                 (Laplacian::Robust, Reason::NonManifold)
-            } else if 1000 * measured.thin_faces > THIN_PER_MILLE * faces {
+            } else if 1000 * quality.thin > THIN_PER_MILLE * quality.faces {
                 (Laplacian::Robust, Reason::ThinFaces)
-            } else if measured.needles > 0 {
+            } else if quality.needles > 0 {
                 (Laplacian::Robust, Reason::Needle)
-            } else if refined.is_some() {
+            } else if polygons {
                 (Laplacian::Polygon, Reason::Polygons)
             } else {
                 (Laplacian::Cotangent, Reason::FairMesh)

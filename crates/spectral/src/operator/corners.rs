@@ -40,6 +40,25 @@ impl Corners {
         Ok(Self { offsets, corners })
     }
 
+    /// The corners of `faces` that lie on some vertices alone, of which there are `count`: `place` tells which of them a vertex is. There are fewer
+    /// faces than [`new`](Self::new) takes, and their corners are in range.
+    pub fn on_some(place: impl Fn(u32) -> Option<u32>, count: usize, faces: &[[u32; 3]]) -> Self {
+        let mut offsets = vec![0u32; count + 2];
+        let placed = || faces.as_flattened().iter().zip(0u32..).filter_map(|(&v, corner)| Some((place(v)?, corner)));
+        placed().for_each(|(place, _)| offsets[place as usize + 2] += 1);
+        for at in 2..count + 2 {
+            offsets[at] += offsets[at - 1];
+        }
+        let mut corners = vec![0u32; offsets.last().map_or(0, |&end| end as usize)];
+        for (place, corner) in placed() {
+            let next = &mut offsets[place as usize + 1];
+            corners[*next as usize] = corner;
+            *next += 1;
+        }
+        offsets.pop();
+        Self { offsets, corners }
+    }
+
     /// The corners on a vertex, ascending.
     #[inline]
     pub fn on(&self, vertex: usize) -> &[u32] {

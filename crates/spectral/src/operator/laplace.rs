@@ -98,7 +98,8 @@ pub(super) fn cotangent(
     mass: MassKind,
 ) -> (EigenProblem, usize) {
     let Measured { scale, corners, shapes, area, .. } = measured;
-    let triangles = Triangles { vertices: mesh.positions.len(), faces: &mesh.faces, shapes, sheets: covers };
+    let triangles =
+        Triangles { vertices: mesh.positions.len(), rows: None, faces: &mesh.faces, shapes, sheets: covers };
     let assembled = shapes::assemble(&triangles, corners, *area, mass);
     let problem = EigenProblem {
         stiffness: assembled.stiffness,
@@ -131,43 +132,71 @@ pub(crate) fn power_of_two_scale(positions: &[[f64; 3]]) -> Result<f64, Operator
 
 /// What is summed over faces.
 #[derive(Clone, Copy, Default)]
-struct Sums {
-    area: f64,
-    zero_area: usize,
-    thin: usize,
-    needles: usize,
+pub(super) struct Sums {
+    pub area: f64,
+    pub zero_area: usize,
+    pub thin: usize,
+    pub needles: usize,
+}
+
+impl Sums {
+    fn add(&mut self, shape: &TriangleShape) {
+        let steepest = shape.half_cotangents.iter().fold(0.0f64, |most, c| most.max(c.abs()));
+        // The two angles at an edge have cotangents that sum to its length over the height on it.
+        let [a, b, c] = shape.half_cotangents;
+        let longest = 2.0 * (a + b).max(b + c).max(c + a);
+        self.area += shape.area;
+        self.zero_area += usize::from(shape.area == 0.0);
+        self.thin += usize::from(shape.area == 0.0 || steepest > 0.5 * THIN);
+        self.needles += usize::from(shape.area > 0.0 && longest > NEEDLE);
+    }
+
+    fn total(parts: &[Self]) -> Self {
+        let mut total = Self::default();
+        for part in parts {
+            total.area += part.area;
+            total.zero_area += part.zero_area;
+            total.thin += part.thin;
+            total.needles += part.needles;
+        }
+        total
+    }
+}
+
+/// Faces that one task measures. Fixed, so that sums do not depend on the number of threads.
+const FACES_PER_TASK: usize = 8192;
+
+/// The shape of a face of the scaled mesh.
+#[inline]
+pub(super) fn shape_of(mesh: &TriangleMesh, face: [u32; 3], scale: f64) -> TriangleShape {
+    TriangleShape::of_corners(face.map(|v| mesh.positions[v as usize].map(|c| c * scale)))
+}
+
+/// The sums that [`measure`] takes, of shapes that nobody keeps.
+pub(super) fn sums(mesh: &TriangleMesh, scale: f64) -> Sums {
+    let of = |faces: &[[u32; 3]]| {
+        let mut sums = Sums::default();
+        faces.iter().for_each(|&face| sums.add(&shape_of(mesh, face, scale)));
+        sums
+    };
+    Sums::total(&mesh.faces.par_chunks(FACES_PER_TASK).map(of).collect::<Vec<Sums>>())
 }
 
 fn face_shapes(mesh: &TriangleMesh, scale: f64) -> (Vec<TriangleShape>, Sums) {
-    const FACES_PER_TASK: usize = 8192;
     let mut shapes = vec![TriangleShape::default(); mesh.faces.len()];
     let parts: Vec<Sums> = shapes
         .par_chunks_mut(FACES_PER_TASK)
         .zip(mesh.faces.par_chunks(FACES_PER_TASK))
         .map(|(shapes, faces)| {
             let mut sums = Sums::default();
-            for (shape, face) in shapes.iter_mut().zip(faces) {
-                *shape = TriangleShape::of_corners(face.map(|v| mesh.positions[v as usize].map(|c| c * scale)));
-                let steepest = shape.half_cotangents.iter().fold(0.0f64, |most, c| most.max(c.abs()));
-                // The two angles at an edge have cotangents that sum to its length over the height on it.
-                let [a, b, c] = shape.half_cotangents;
-                let longest = 2.0 * (a + b).max(b + c).max(c + a);
-                sums.area += shape.area;
-                sums.zero_area += usize::from(shape.area == 0.0);
-                sums.thin += usize::from(shape.area == 0.0 || steepest > 0.5 * THIN);
-                sums.needles += usize::from(shape.area > 0.0 && longest > NEEDLE);
+            for (shape, &face) in shapes.iter_mut().zip(faces) {
+                *shape = shape_of(mesh, face, scale);
+                sums.add(shape);
             }
             sums
         })
         .collect();
-    let mut total = Sums::default();
-    for part in &parts {
-        total.area += part.area;
-        total.zero_area += part.zero_area;
-        total.thin += part.thin;
-        total.needles += part.needles;
-    }
-    (shapes, total)
+    (shapes, Sums::total(&parts))
 }
 
 #[cfg(test)]

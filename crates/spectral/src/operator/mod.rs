@@ -3,6 +3,7 @@
 
 mod assembly;
 pub(crate) mod boundary;
+mod by_rows;
 mod choice;
 mod corners;
 pub mod curvature;
@@ -29,6 +30,8 @@ pub mod weighted;
 use chladni_algebra::{GalerkinError, SparseMatrix};
 use chladni_base::{Cancelled, Monitor};
 
+pub use by_rows::LaplacianByRows;
+pub(crate) use by_rows::spread_rows;
 pub use chladni_algebra::MassMatrix;
 pub use choice::{
     Boundary, Laplacian, MeshOperator, OperatorKind, OperatorParameters, OperatorReport, Potential, Reason, assemble,

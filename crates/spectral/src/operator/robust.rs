@@ -98,7 +98,8 @@ pub(super) fn of_triangulation(
     let corners = Corners::new(vertices, triangulation.faces())?;
     let sheets = triangulation.sheets() as f64 * covers;
     let area: f64 = triangulation.shapes().iter().map(|shape| shape.area).sum();
-    let triangles = Triangles { vertices, faces: triangulation.faces(), shapes: triangulation.shapes(), sheets };
+    let triangles =
+        Triangles { vertices, rows: None, faces: triangulation.faces(), shapes: triangulation.shapes(), sheets };
     let assembled = shapes::assemble(&triangles, &corners, area, mass);
     report.massless_vertices = assembled.massless_vertices;
     let problem = EigenProblem {

@@ -25,6 +25,8 @@ const SHORT_RING: usize = 16;
 pub(super) struct Triangles<'a> {
     /// The vertices, `n`.
     pub vertices: usize,
+    /// The vertices whose rows are made, ascending, where these are not all.
+    pub rows: Option<&'a [u32]>,
     /// The corners of each triangle.
     pub faces: &'a [[u32; 3]],
     /// The shape of each triangle.
@@ -41,10 +43,10 @@ pub(super) struct Assembled {
     pub massless_vertices: usize,
 }
 
-/// Adds up stiffness and mass, row by row; `area` is that of all triangles. The result does not depend on the number of threads, and
-/// the stiffness is symmetric to the last bit.
+/// Adds up stiffness and mass, row by row; `area` is that of all triangles, and `corners` are those on the vertices of the rows. The result does not
+/// depend on the number of threads, and the stiffness is symmetric to the last bit.
 pub(super) fn assemble(triangles: &Triangles<'_>, corners: &Corners, area: f64, mass: MassKind) -> Assembled {
-    let n = triangles.vertices;
+    let n = triangles.rows.map_or(triangles.vertices, <[u32]>::len);
     let blocks: Vec<Block> = (0..n.div_ceil(ROWS_PER_TASK))
         .into_par_iter()
         .map(|task| {
@@ -53,12 +55,12 @@ pub(super) fn assemble(triangles: &Triangles<'_>, corners: &Corners, area: f64, 
         })
         .collect();
     let massless_vertices = blocks.iter().map(|b| b.massless).sum();
-    let (stiffness, mass) = join(n, &blocks, mass);
+    let (stiffness, mass) = join(n, triangles.vertices, &blocks, mass);
     Assembled { stiffness, mass, massless_vertices }
 }
 
 /// The part of a mixed Voronoi cell that lies in a face (Meyer et al. 2003, section 3.3), for corner `k`.
-fn voronoi_part(shape: &TriangleShape, k: usize) -> f64 {
+pub(super) fn voronoi_part(shape: &TriangleShape, k: usize) -> f64 {
     let h = shape.half_cotangents;
     if let Some(obtuse) = h.iter().position(|&c| c < 0.0) {
         return shape.area * if obtuse == k { 0.5 } else { 0.25 };
@@ -100,8 +102,9 @@ fn assemble_rows(
     let massless = MASSLESS / triangles.vertices as f64;
     let (per_area, per_sheet) = (1.0 / area, 1.0 / triangles.sheets);
     let mut ring: Vec<Entry> = Vec::new();
-    for v in rows {
-        let around = corners.on(v);
+    for row in rows {
+        let around = corners.on(row);
+        let v = triangles.rows.map_or(row, |rows| rows[row] as usize);
         ring.clear();
         let mut mass = 0.0;
         for &corner in around {
@@ -193,7 +196,7 @@ fn insertion_sort(ring: &mut [Entry]) {
 }
 
 /// Puts the blocks of rows one after the other.
-fn join(n: usize, blocks: &[Block], kind: MassKind) -> (SparseMatrix, MassMatrix) {
+fn join(n: usize, columns: usize, blocks: &[Block], kind: MassKind) -> (SparseMatrix, MassMatrix) {
     let mut offsets = Vec::with_capacity(n + 1);
     offsets.push(0usize);
     for block in blocks {
@@ -205,11 +208,11 @@ fn join(n: usize, blocks: &[Block], kind: MassKind) -> (SparseMatrix, MassMatrix
     let stiffness = concatenate(blocks, |b| &b.stiffness);
     let mass = concatenate(blocks, |b| &b.mass);
     let mass = if kind == MassKind::Consistent {
-        MassMatrix::Sparse(SparseMatrix::from_sorted_parts(n, n, offsets.clone(), indices.clone(), mass))
+        MassMatrix::Sparse(SparseMatrix::from_sorted_parts(n, columns, offsets.clone(), indices.clone(), mass))
     } else {
         MassMatrix::Diagonal(mass)
     };
-    (SparseMatrix::from_sorted_parts(n, n, offsets, indices, stiffness), mass)
+    (SparseMatrix::from_sorted_parts(n, columns, offsets, indices, stiffness), mass)
 }
 
 fn concatenate<T: Copy + Default + Send + Sync>(blocks: &[Block], part: impl Fn(&Block) -> &Vec<T> + Sync) -> Vec<T> {

@@ -1,6 +1,7 @@
 //! The fast approximation of eigenproblems (thesis, chapter 2): Ritz pairs in a subspace of locally supported functions.
 
 mod attempt;
+mod by_rows;
 mod error;
 pub mod parts;
 mod reduce;
@@ -279,15 +280,20 @@ fn measured_in_parts(
 
 /// The dimension of the kernel, and the pairs that are computed, at least `guards` beyond the wanted ones among them.
 fn pairs_with_guards(problem: &EigenProblem, parameters: &ApproximationParameters, guards: usize) -> (usize, usize) {
+    let kernel = hsim::constants_in_kernel(&problem.stiffness, &problem.mass);
+    (kernel, pairs_beside(problem.size(), kernel, parameters, guards))
+}
+
+/// The pairs that are computed of a problem of so many unknowns with a kernel of some dimension.
+fn pairs_beside(unknowns: usize, kernel: usize, parameters: &ApproximationParameters, guards: usize) -> usize {
     let count = parameters.count;
-    let mut guards = self::guards(count, problem.size() / parameters.dimension.max(1)).max(guards);
+    let mut guards = self::guards(count, unknowns / parameters.dimension.max(1)).max(guards);
     if parameters.certify {
         guards = guards.max(lehmann::guards(count));
     }
-    let kernel = hsim::constants_in_kernel(&problem.stiffness, &problem.mass);
     // Eigenvalues are counted above the kernel, even if only a part of that is wanted.
     let pairs = if parameters.certify { count.max(kernel) } else { count };
-    (kernel, (pairs + guards).min(parameters.dimension.max(pairs)).min(problem.size()).max(count))
+    (pairs + guards).min(parameters.dimension.max(pairs)).min(unknowns).max(count)
 }
 
 /// [`approximate`] on a problem of unit size, whose area is the square of the length that is 1 there.

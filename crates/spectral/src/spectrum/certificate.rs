@@ -134,11 +134,14 @@ fn ratio(part: f64, whole: f64) -> f64 {
     if part == 0.0 { 0.0 } else { part / whole }
 }
 
+/// The largest sum of magnitudes in a row.
 pub(super) fn infinity_norm(matrix: &SparseMatrix) -> f64 {
-    (0..matrix.rows())
-        .into_par_iter()
-        .map(|row| matrix.row(row).1.iter().map(|v| v.abs()).sum::<f64>())
-        .reduce(|| 0.0, f64::max)
+    infinity_norm_of(matrix, (0..matrix.rows() as u32).into_par_iter())
+}
+
+/// The same of some rows.
+pub(super) fn infinity_norm_of(matrix: &SparseMatrix, rows: impl ParallelIterator<Item = u32>) -> f64 {
+    rows.map(|row| matrix.row(row as usize).1.iter().map(|v| v.abs()).sum::<f64>()).reduce(|| 0.0, f64::max)
 }
 
 /// The largest entry of `|φ̄ᵀ M̄ φ̄ − I|`; `None` where sizes do not fit.

@@ -5,7 +5,7 @@
 
 use super::domain::Domain;
 use crate::operator::EigenProblem;
-use chladni_algebra::{SparseMatrix, independent_columns};
+use chladni_algebra::SparseMatrix;
 
 /// A vertex becomes a column where the square of its longest edge exceeds this many cells' areas. Measured on animals of 5,000 vertices:
 /// with 1 a fifth less error for three times as many columns.
@@ -13,7 +13,7 @@ const LONGEST_EDGE: f64 = 2.0;
 
 /// A vertex becomes a column where its entry on the diagonal of the stiffness, which is about 4 on fair triangles, exceeds this: beside a
 /// needle functions must follow its sides more exactly than smooth columns can.
-const STIFFEST: f64 = 1e4;
+pub(super) const STIFFEST: f64 = 1e4;
 
 /// A column that keeps less than this share of its square sum is dropped: what is left of it is nearly dependent on its neighbours.
 const KEPT: f64 = 0.1;
@@ -38,6 +38,12 @@ pub(super) fn too_coarse(domain: Domain<'_>, laplacian: &EigenProblem, dimension
     let mut chosen = vec![false; n];
     found.iter().take(most).for_each(|&(_, v)| chosen[v] = true);
     chosen
+}
+
+/// Whether some edge is so long that [`too_coarse`] asks for columns of its ends, on a domain of some area.
+pub(super) fn has_long_edges(domain: Domain<'_>, area: f64, dimension: usize) -> bool {
+    let cell = area * domain.cell(dimension);
+    domain.longest_edges().iter().any(|square| square / (LONGEST_EDGE * cell) > 1.0)
 }
 
 /// The rows in which most of a density sits, with their neighbours: enough for all but `left` of it, at most `most`. `None` where so many
@@ -128,10 +134,8 @@ pub(super) fn count(space: &SparseMatrix<f32>) -> usize {
         .count()
 }
 
-/// `space` without columns that are closer than `least` times their own length to a combination of the others; `mass` is that of its columns,
-/// `d × d`.
-pub(super) fn independent(space: &SparseMatrix<f32>, mass: &SparseMatrix, least: f64) -> SparseMatrix<f32> {
-    let kept = independent_columns(&mass.to_dense(), least);
+/// `space` with some of its columns alone, ascending.
+pub(super) fn of_columns(space: &SparseMatrix<f32>, kept: &[usize]) -> SparseMatrix<f32> {
     let mut names: Vec<Option<u32>> = vec![None; space.columns()];
     kept.iter().enumerate().for_each(|(name, &column)| names[column] = Some(name as u32));
     let mut offsets = vec![0];

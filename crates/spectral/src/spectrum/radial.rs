@@ -1,5 +1,7 @@
 //! Radial basis functions around samples, made a partition of unity: the subspace of chapter 2 of the thesis.
 
+mod grown;
+
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -46,6 +48,8 @@ impl Profile {
         weight.max(0.0)
     }
 }
+
+pub(super) use grown::Grown;
 
 /// Why radial columns could not be made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -227,15 +231,35 @@ pub fn columns(
     sigma: f64,
     monitor: &dyn Monitor,
 ) -> Result<SparseMatrix<f32>, RadialError> {
+    let within = (sigma, radius(mesh, connectivity, samples, sigma)?);
+    columns_within(mesh, connectivity, samples, distance, profile, within, monitor)
+}
+
+/// [`columns`] that are not put in rows.
+///
+/// # Errors
+/// As [`columns`].
+pub(super) fn grown(
+    mesh: &TriangleMesh,
+    connectivity: &Connectivity,
+    samples: &[u32],
+    (distance, profile): (DistanceKind, Profile),
+    sigma: f64,
+    monitor: &dyn Monitor,
+) -> Result<Grown, RadialError> {
+    let within = (sigma, radius(mesh, connectivity, samples, sigma)?);
+    let supports = supports(mesh, connectivity, samples, distance, profile, within, monitor)?;
+    Ok(Grown::new(supports.covered.len(), supports.columns))
+}
+
+/// The support radius of so many samples.
+fn radius(mesh: &TriangleMesh, connectivity: &Connectivity, samples: &[u32], sigma: f64) -> Result<f64, RadialError> {
     let area = surface_area(mesh);
     let radius = support_radius(area, sigma, samples.len());
     let has_radius = radius > 0.0 && radius.is_finite();
-    // What is empty is told below.
+    // What is empty is told by whoever looks for supports.
     let is_empty = samples.is_empty() || connectivity.vertices() == 0;
-    if !has_radius && !is_empty {
-        return Err(RadialError::Radius { sigma, area });
-    }
-    columns_within(mesh, connectivity, samples, distance, profile, (sigma, radius), monitor)
+    if has_radius || is_empty { Ok(radius) } else { Err(RadialError::Radius { sigma, area }) }
 }
 
 /// [`columns`] with supports of a given radius, which holds about `sigma` samples: for what is no surface. Of `mesh`, the distance along edges needs no more than the positions.
@@ -248,9 +272,22 @@ pub fn columns_within(
     samples: &[u32],
     distance: DistanceKind,
     profile: Profile,
-    (sigma, radius): (f64, f64),
+    within: (f64, f64),
     monitor: &dyn Monitor,
 ) -> Result<SparseMatrix<f32>, RadialError> {
+    Ok(supports(mesh, connectivity, samples, distance, profile, within, monitor)?.into_rows())
+}
+
+/// The supports of [`columns_within`].
+fn supports<'a>(
+    mesh: &'a TriangleMesh,
+    connectivity: &'a Connectivity,
+    samples: &[u32],
+    distance: DistanceKind,
+    profile: Profile,
+    (sigma, radius): (f64, f64),
+    monitor: &dyn Monitor,
+) -> Result<Supports<'a>, RadialError> {
     let n = connectivity.vertices();
     if n == 0 || samples.is_empty() {
         return Err(RadialError::Empty { vertices: n, samples: samples.len() });
@@ -276,7 +313,7 @@ pub fn columns_within(
         supports.shrink(&crowded, monitor)?;
     }
     supports.cover(connectivity, radius, monitor)?;
-    Ok(supports.into_rows())
+    Ok(supports)
 }
 
 /// Ranges of columns that are placed at once, at most: each takes a count per vertex.

@@ -7,7 +7,7 @@ use chladni_base::{Monitor, StageClock};
 use chladni_mesh::points::are_points;
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::{Basis, EIGENBASIS_PART, Part, Product};
-use chladni_spectral::operator::{MassKind, MeshOperator, OperatorKind};
+use chladni_spectral::operator::{LaplacianByRows, MassKind, MeshOperator, OperatorKind};
 use chladni_spectral::spectrum::approximate_parts;
 use chladni_spectral::spectrum::hsim::parts::{PartError, Parted};
 use chladni_spectral::spectrum::hsim::{HsimParameters, Variant, Wanted};
@@ -118,6 +118,11 @@ impl EigenbasisParameters {
         monitor: &dyn Monitor,
     ) -> Result<usize, JobError> {
         let (method, parts) = (self.divisible()?, parts.map(NonZeroUsize::get));
+        if let Divisible::Surface(approximate) = method
+            && let Some(problem) = LaplacianByRows::new(mesh, &self.operator, monitor)?
+        {
+            return Ok(approximate_parts::Parted::number(&problem, &approximate.parameters(self.seed), parts)?);
+        }
         self.with_operator(mesh, monitor, |mesh, operator| {
             let natural = match method {
                 Divisible::Spectrum(exact) => {
@@ -144,6 +149,13 @@ impl EigenbasisParameters {
         monitor: &dyn Monitor,
     ) -> Result<Part, JobError> {
         let (method, parts) = (self.divisible()?, Some(parts.get()));
+        if let Divisible::Surface(approximate) = method
+            && let Some(problem) = LaplacianByRows::new(mesh, &self.operator, monitor)?
+        {
+            let parameters = approximate.parameters(self.seed);
+            let parted = approximate_parts::Parted::by_rows(&problem, &parameters, parts, version, monitor)?;
+            return Ok(parted.solve(number)?);
+        }
         self.with_operator(mesh, monitor, |mesh, operator| {
             let part = match method {
                 Divisible::Spectrum(exact) => {
@@ -170,6 +182,15 @@ impl EigenbasisParameters {
         monitor: &dyn Monitor,
     ) -> Result<Basis, JobError> {
         let (method, parts) = (self.divisible()?, Some(parts.get()));
+        if let Divisible::Surface(approximate) = method
+            && let Some(problem) = LaplacianByRows::new(mesh, &self.operator, monitor)?
+        {
+            let parameters = approximate.parameters(self.seed);
+            let parted = approximate_parts::Parted::by_rows(&problem, &parameters, parts, version, monitor)?;
+            let mut basis = dense_where_smaller(parted.join(part)?, monitor)?;
+            self.describe(&mut basis, &problem.without_rows(), self.method_name().name(), solid);
+            return Ok(basis);
+        }
         self.with_operator(mesh, monitor, |mesh, operator| {
             let mut basis = match method {
                 Divisible::Spectrum(exact) => {

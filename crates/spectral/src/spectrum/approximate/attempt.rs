@@ -12,7 +12,7 @@ use super::{ApproximationError, ApproximationParameters, FEW_VERTICES};
 use crate::basis::Certificate;
 use crate::operator::{EigenProblem, MeshOperator};
 use chladni_algebra::SparseMatrix;
-use chladni_base::Monitor;
+use chladni_base::{Monitor, Portion, Quiet};
 
 /// The mean of the estimated errors is to be at most this share of the goal, which is for the largest.
 const MEAN_SHARE: f64 = 0.2;
@@ -112,14 +112,16 @@ impl Attempt {
     ) -> Result<(), ApproximationError> {
         let Domain::Surface(mesh) = domain else { return Ok(()) };
         let (problem, Ritz { space, mass, pairs, .. }) = (&operator.problem, &mut self.ritz);
-        let part_of = divided(mesh, problem, parts);
+        let part_of = divided(mesh, (problem.size(), problem.unknowns.as_deref()), parts);
         let mut sums = vec![PairShare::default(); pairs.values.len()];
         for part in 0..parts {
-            let energy =
-                Energy::of_part(mesh, problem, &part_of, part as u32, monitor).map_err(CertificateError::from)?;
-            let own = energy.in_order(space);
             monitor.detail(&format!("part {} of {parts}", part + 1));
-            let shares = energy.shares(&own, &pairs.vectors, &pairs.values, KERNEL, monitor)?;
+            let energy = Energy::of_part(mesh, problem, &part_of, part as u32, &Quiet(monitor))
+                .map_err(CertificateError::from)?;
+            let own = energy.in_order(space);
+            // Parts are steps of one stage.
+            let portion = Portion { whole: monitor, step: (part, parts) };
+            let shares = energy.shares(&own, &pairs.vectors, &pairs.values, KERNEL, &portion)?;
             sums.iter_mut().zip(&shares).for_each(|(sum, share)| sum.add(share));
         }
         let defect = gram_defect(mass, &pairs.vectors).unwrap_or(f64::INFINITY);

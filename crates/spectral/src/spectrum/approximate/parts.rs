@@ -1,30 +1,35 @@
 //! An approximation in parts of the surface that know nothing of each other, as for several machines.
 //!
 //! Columns and their dense eigenproblem are a small part of the work, and every part makes them anew: they are functions of mesh and parameters alone,
-//! so that all have the same pairs, however many parts there are. What is most of the work, and grows with the mesh, is to say how right the pairs are.
+//! so that all have the same pairs, however many parts there are. It holds a piece of them at a time, and the rows of the operator that belong to it
+//! (`by_rows.rs`). What is most of the work, and grows with the mesh, is to say how right the pairs are.
 //! That is a sum over vertices, and each part has its own: it measures what the pairs miss there (`energy/part.rs`), and keeps its rows of the
 //! subspace. The join puts rows one below the other, adds up, and concludes as for a whole.
 //!
 //! Whether a goal is reached is known at the join alone. Where it is not, the join begins again in one piece, which may add columns.
 
+use std::borrow::Cow;
+
 use rayon::prelude::*;
 
-use super::super::certificate::{KERNEL, certificate_of, gram_defect};
+use super::super::certificate::{KERNEL, certificate_of, gram_defect, infinity_norm_of};
 use super::super::domain::Domain;
 use super::super::energy::{Cotangents, Energy, PairShare, measures};
-use super::super::hsim::parts::{PartError, check_plan, fingerprint};
+use super::super::hsim::is_balanced;
+use super::super::hsim::parts::{PartError, check_plan, fingerprint, probes};
 use super::attempt::Attempt;
-use super::reduce::{Ritz, reduce_by};
+use super::by_rows::{self, ROWS_OF_PIECE, Survey, stacked, with_neighbours};
+use super::reduce::{Ritz, reduce_by, solve_restricted};
 use super::space::initial_space;
 use super::{ApproximationError, ApproximationParameters, FEW_VERTICES, approximate};
-use super::{CertificateError, delivered, most_columns, pairs_with_guards, report};
-use crate::basis::{Basis, NUMBERS_OF_SHARE, Part, PartPlan, PartShare};
-use crate::operator::{EigenProblem, Laplacian, MassMatrix, MeshOperator, Reason};
+use super::{CertificateError, delivered, most_columns, pairs_beside, pairs_with_guards, report};
+use crate::basis::{Basis, Fingerprint, NUMBERS_OF_SHARE, Part, PartPlan, PartShare};
+use crate::operator::{EigenProblem, Laplacian, LaplacianByRows, MassMatrix, MeshOperator, Reason};
 use chladni_algebra::{
     ComputedOn, CpuSolver, DenseMatrix, EigenError, EigenPairs, SparseMatrix, SymmetricDefiniteSolver,
 };
-use chladni_base::Monitor;
 use chladni_base::notes::FALLBACKS;
+use chladni_base::{Monitor, Portion, Quiet};
 use chladni_mesh::TriangleMesh;
 
 /// The most parts: numbers of more are taken for a slip.
@@ -33,21 +38,38 @@ pub const MOST_PARTS: usize = 4096;
 /// Vertices that are worth a part where their number is not given.
 const NATURAL: usize = 500_000;
 
+/// Unknowns that a part measures at a time: what a panel and its hierarchy take, some 900 bytes an unknown, is more than all else that it holds.
+const ROWS_AT_ONCE: usize = 1_100_000;
+
 /// Values of two machines differ by rounding: relative to themselves, by no more than this.
 const SAME_VALUES: f64 = 1e-9;
 
 /// The same of the entries of coefficients, relative to the largest of all.
 const SAME_COEFFICIENTS: f64 = 1e-7;
 
+/// From so many unknowns on a goal that parts miss is told, and not reached in one piece: who divides as much has no room for one.
+pub const TOLD_FROM: usize = super::MEASURED_IN_PARTS_FROM;
+
 /// An approximation and its plan.
 pub struct Parted<'a> {
     mesh: &'a TriangleMesh,
-    operator: &'a MeshOperator,
+    source: Source<'a>,
     parameters: ApproximationParameters,
     kernel: usize,
     plan: PartPlan,
     monitor: &'a dyn Monitor,
 }
+
+/// Where the matrices come from.
+enum Source<'a> {
+    /// All of them are there.
+    Whole(&'a MeshOperator),
+    /// Rows are made where they are asked for; and the largest sum of magnitudes in a row over its mass.
+    ByRows(&'a LaplacianByRows<'a>, f64),
+}
+
+/// A problem with at least some rows of its stiffness.
+type WithRows<'f, 'p> = dyn Fn(&[u32]) -> Cow<'p, EigenProblem> + 'f;
 
 impl<'a> Parted<'a> {
     /// Divides an approximation; into parts of half a million vertices where their number is not given. `version` is that of the solver.
@@ -63,38 +85,53 @@ impl<'a> Parted<'a> {
         version: &str,
         monitor: &'a dyn Monitor,
     ) -> Result<Self, PartError> {
-        let problem = &operator.problem;
-        let n = problem.size();
-        let unsuited = |reason: String| Err(PartError::Unsuited { reason });
-        if parameters.certify {
-            return unsuited("\"certify\" counts eigenvalues of the whole".to_owned());
-        }
         if let Err(reason) = has_parts(operator) {
-            return unsuited(reason.to_owned());
+            return Err(PartError::Unsuited { reason: reason.to_owned() });
         }
-        let d = parameters.dimension.max(parameters.count);
-        if n < FEW_VERTICES * d {
-            let reason = format!("{n} unknowns are few for {d} functions: {} are needed", FEW_VERTICES * d);
-            return unsuited(reason);
-        }
-        let parts = parts.unwrap_or((n / NATURAL).max(1));
-        if parts == 0 || parts > n.min(MOST_PARTS) {
-            return unsuited(format!("{n} unknowns make at most {} parts, not {parts}", n.min(MOST_PARTS)));
-        }
+        let problem = &operator.problem;
+        let (n, d) = (problem.size(), parameters.dimension.max(parameters.count));
+        let parts = checked(n, parameters, parts)?;
         let parameters = parameters.fitted(n);
         let (kernel, pairs) = pairs_with_guards(problem, &parameters, 0);
-        let plan = PartPlan {
-            version: version.to_owned(),
-            problem: fingerprint(problem),
-            parts,
-            slices: 0,
-            pairs,
-            kernel,
-            tolerance: parameters.goal.map_or(0.0, |goal| goal.error),
-            seed: parameters.seed,
-            columns: Some(d),
-        };
-        Ok(Self { mesh, operator, parameters, kernel, plan, monitor })
+        let of = (fingerprint(problem), kernel, pairs);
+        let plan = plan_of(version, of, (parts, d), &parameters);
+        Ok(Self { mesh, source: Source::Whole(operator), parameters, kernel, plan, monitor })
+    }
+
+    /// The same of a Laplacian without its matrix: nobody holds all rows of anything but the surface.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn by_rows(
+        problem: &'a LaplacianByRows<'a>,
+        parameters: &ApproximationParameters,
+        parts: Option<usize>,
+        version: &str,
+        monitor: &'a dyn Monitor,
+    ) -> Result<Self, PartError> {
+        let (n, d) = (problem.size(), parameters.dimension.max(parameters.count));
+        let parts = checked(n, parameters, parts)?;
+        let parameters = parameters.fitted(n);
+        let balanced = |rows: &SparseMatrix, row: usize| is_balanced(rows, row);
+        let survey = Survey::new(problem, &probes(n), balanced, monitor)?;
+        let products = std::array::from_fn(|k| survey.products[k]);
+        let found = Fingerprint { unknowns: n, entries: survey.entries, products };
+        let pairs = pairs_beside(n, survey.kernel, &parameters, 0);
+        let plan = plan_of(version, (found, survey.kernel, pairs), (parts, d), &parameters);
+        let source = Source::ByRows(problem, survey.largest);
+        Ok(Self { mesh: problem.mesh(), source, parameters, kernel: survey.kernel, plan, monitor })
+    }
+
+    /// How many parts [`by_rows`](Self::by_rows) makes, which says nothing else.
+    ///
+    /// # Errors
+    /// [`PartError::Unsuited`], as [`new`](Self::new).
+    pub fn number(
+        problem: &LaplacianByRows<'_>,
+        parameters: &ApproximationParameters,
+        parts: Option<usize>,
+    ) -> Result<usize, PartError> {
+        checked(problem.size(), parameters, parts)
     }
 
     /// The plan. Its `columns` are those that were asked for.
@@ -107,49 +144,129 @@ impl<'a> Parted<'a> {
     /// # Errors
     /// [`PartError::NoSuchPart`]; those of [`approximate`](super::approximate()).
     pub fn solve(&self, number: usize) -> Result<Part, PartError> {
-        let (plan, monitor, problem) = (&self.plan, self.monitor, &self.operator.problem);
+        let plan = &self.plan;
         if number >= plan.parts {
             return Err(PartError::NoSuchPart { number: number.saturating_add(1), parts: plan.parts });
         }
+        match &self.source {
+            Source::Whole(operator) => self.solve_whole(operator, number),
+            Source::ByRows(problem, largest) => {
+                self.solve_by_rows((problem, *largest), number, (ROWS_OF_PIECE, ROWS_AT_ONCE))
+            }
+        }
+    }
+
+    /// The vertex of each row, where some are held.
+    fn unknowns(&self) -> Option<&[u32]> {
+        match &self.source {
+            Source::Whole(operator) => operator.problem.unknowns.as_deref(),
+            Source::ByRows(..) => None,
+        }
+    }
+
+    fn solve_whole(&self, operator: &MeshOperator, number: usize) -> Result<Part, PartError> {
+        let (plan, monitor, problem) = (&self.plan, self.monitor, &operator.problem);
         let mut parameters = self.parameters;
-        let space = initial_space(Domain::Surface(self.mesh), self.operator, &mut parameters, monitor)?;
+        let space = initial_space(Domain::Surface(self.mesh), operator, &mut parameters, monitor)?;
         let pairs = plan.pairs.min(space.columns().max(parameters.count));
         let ritz = reduce_by(&OneThread, problem, space, pairs, monitor)?.with_zeros(problem, self.kernel);
+        let part_of = divided(self.mesh, (problem.size(), problem.unknowns.as_deref()), plan.parts);
+        self.measured(ritz, rows_of(&part_of, number), number, (usize::MAX, &|_| Cow::Borrowed(problem)))
+    }
+
+    /// A part of the surface for which columns are made a piece of so many rows at a time, and that is measured on so many at a time.
+    fn solve_by_rows(
+        &self,
+        (problem, largest): (&LaplacianByRows<'_>, f64),
+        number: usize,
+        (rows_of_piece, rows_at_once): (usize, usize),
+    ) -> Result<Part, PartError> {
+        let (plan, monitor) = (&self.plan, self.monitor);
+        let mut parameters = self.parameters;
+        let Some(columns) = by_rows::columns(problem, &mut parameters, monitor)? else {
+            let whole = problem.whole();
+            return self.solve_whole(&whole, number);
+        };
+        let part_of = divided(self.mesh, (problem.size(), None), plan.parts);
+        let kept = with_neighbours(self.mesh, |v| part_of[v as usize] == number as u32);
+        let found = by_rows::restricted(problem, &columns, rows_of_piece, &kept, monitor)?;
+        drop((columns, kept));
+        let pairs = plan.pairs.min(found.space.columns().max(parameters.count));
+        let ritz = solve_restricted(&OneThread, found, pairs, monitor)?.with_zeros_by(largest, self.kernel);
+        let rows = rows_of(&part_of, number);
+        drop(part_of);
+        self.measured(ritz, rows, number, (rows_at_once, &|rows| Cow::Owned(problem.problem_with(rows, false))))
+    }
+
+    /// What pairs miss on the rows of a part, so many of them at a time. `problem` has at least some rows of the stiffness, and the space has all of these
+    /// and those next to them.
+    fn measured<'p>(
+        &self,
+        ritz: Ritz,
+        rows: Vec<u32>,
+        number: usize,
+        (rows_at_once, problem): (usize, &WithRows<'_, 'p>),
+    ) -> Result<Part, PartError> {
+        let monitor = self.monitor;
+        monitor.stage("bounds");
         let Ritz { space, mass, pairs, .. } = ritz;
         let EigenPairs { values, vectors: coefficients, .. } = pairs;
         let orthonormality_defect = gram_defect(&mass, &coefficients).unwrap_or(f64::INFINITY);
         drop(mass);
-        monitor.stage("bounds");
-        let part_of = divided(self.mesh, problem, plan.parts);
-        let energy = Energy::of_part(self.mesh, problem, &part_of, number as u32, monitor)
-            .map_err(|error| ApproximationError::from(CertificateError::from(error)))?;
-        let rows: Vec<u32> = (0..problem.size() as u32).filter(|&row| part_of[row as usize] == number as u32).collect();
-        drop(part_of);
-        let (with_neighbours, own) = (energy.in_order(&space), space.select_rows(&rows));
+        let pieces = rows.len().div_ceil(rows_at_once).max(1);
+        let mut piece_of = vec![u32::MAX; space.rows()];
+        let unknowns = self.unknowns();
+        halved(self.mesh, unknowns, &mut rows.clone(), pieces, &mut piece_of);
+        let (mut sums, mut stiffness_norm) = (vec![PairShare::default(); values.len()], 0f64);
+        for piece in 0..pieces {
+            if pieces > 1 {
+                monitor.detail(&format!("piece {} of {pieces}", piece + 1));
+            }
+            let own: Vec<u32> = rows.iter().copied().filter(|&row| piece_of[row as usize] == piece as u32).collect();
+            let problem = problem(&own);
+            let energy = Energy::of_part(self.mesh, &problem, &piece_of, piece as u32, &Quiet(monitor))
+                .map_err(|error| ApproximationError::from(CertificateError::from(error)))?;
+            let with_neighbours = energy.in_order(&space);
+            let portion = Portion { whole: monitor, step: (piece, pieces) };
+            let shares = energy.shares(&with_neighbours, &coefficients, &values, KERNEL, &portion)?;
+            match piece {
+                0 => sums = shares,
+                _ => sums.iter_mut().zip(&shares).for_each(|(sum, share)| sum.add(share)),
+            }
+            stiffness_norm = stiffness_norm.max(infinity_norm_of(&problem.stiffness, own.par_iter().copied()));
+        }
+        let own = space.select_rows(&rows);
         drop(space);
-        let shares = energy.shares(&with_neighbours, &coefficients, &values, KERNEL, monitor)?;
         let share = PartShare {
             space: own,
             values,
             coefficients,
-            sums: shares.iter().flat_map(PairShare::numbers).collect(),
-            stiffness_norm: norm(&problem.stiffness, &rows),
+            sums: sums.iter().flat_map(PairShare::numbers).collect(),
+            stiffness_norm,
             orthonormality_defect,
             rows,
         };
         // What the columns came to is part of what parts have to agree on.
-        let plan = PartPlan { columns: Some(share.space.columns()), ..plan.clone() };
+        let plan = PartPlan { columns: Some(share.space.columns()), ..self.plan.clone() };
         Ok(Part { plan, number, slices: Ok(Vec::new()), share: Some(share) })
     }
 
     /// Joins all parts, which are asked for one after the other, from 0; what comes out is judged as an approximation in one piece. Where the goal is
-    /// missed it is made in one piece, and noted.
+    /// missed it is made in one piece, and noted; of [`TOLD_FROM`] unknowns and more the report says that it is missed.
     ///
     /// # Errors
     /// Those of `part`; [`PartError::Version`], [`PartError::Foreign`] and [`PartError::Damaged`] name the part that cannot be used; those of
     /// [`approximate`](super::approximate()).
     pub fn join(self, part: &mut dyn FnMut(usize) -> Result<Part, PartError>) -> Result<Basis, PartError> {
-        let (domain, problem) = (Domain::Surface(self.mesh), &self.operator.problem);
+        let without_rows;
+        let operator = match &self.source {
+            Source::Whole(operator) => *operator,
+            Source::ByRows(problem, _) => {
+                without_rows = problem.without_rows();
+                &without_rows
+            }
+        };
+        let (domain, problem) = (Domain::Surface(self.mesh), &operator.problem);
         self.monitor.stage("join");
         let mut gathered = Gathered::new(problem.size());
         let mut plan: Option<PartPlan> = None;
@@ -171,22 +288,68 @@ impl<'a> Parted<'a> {
         let most = most_columns(problem.size(), self.parameters.dimension.max(count));
         let mut attempt = Attempt::new(ritz, count, most);
         attempt.certificate = certificate;
-        attempt.conclude((-self.operator.floor).max(0.0), problem.area);
+        attempt.conclude((-operator.floor).max(0.0), problem.area);
         if let Some(goal) = self.parameters.goal
             && goal.rounds > 0
             && attempt.excess(goal.error) > 1.0
+            && problem.size() < TOLD_FROM
         {
             drop(attempt);
             self.monitor.note(
                 FALLBACKS,
                 "parts of the surface: their functions miss the goal, and more were made in one piece",
             );
-            return Ok(approximate(self.mesh, self.operator, &self.parameters, self.monitor)?);
+            return Ok(match &self.source {
+                Source::Whole(operator) => approximate(self.mesh, operator, &self.parameters, self.monitor)?,
+                Source::ByRows(problem, _) => approximate(self.mesh, &problem.whole(), &self.parameters, self.monitor)?,
+            });
         }
-        attempt.possible((-self.operator.floor).max(0.0), problem.area)?;
+        attempt.possible((-operator.floor).max(0.0), problem.area)?;
         let accuracy = self.parameters.goal.map(|goal| report(domain, &attempt, self.parameters.space, 0, goal.error));
-        Ok(delivered(domain, self.operator, attempt, accuracy, None))
+        Ok(delivered(domain, operator, attempt, accuracy, None))
     }
+}
+
+/// Into how many parts so many unknowns are divided, where that is asked for or left open.
+fn checked(n: usize, parameters: &ApproximationParameters, parts: Option<usize>) -> Result<usize, PartError> {
+    let unsuited = |reason: String| Err(PartError::Unsuited { reason });
+    if parameters.certify {
+        return unsuited("\"certify\" counts eigenvalues of the whole".to_owned());
+    }
+    let d = parameters.dimension.max(parameters.count);
+    if n < FEW_VERTICES * d {
+        return unsuited(format!("{n} unknowns are few for {d} functions: {} are needed", FEW_VERTICES * d));
+    }
+    let parts = parts.unwrap_or((n / NATURAL).max(1));
+    if parts == 0 || parts > n.min(MOST_PARTS) {
+        return unsuited(format!("{n} unknowns make at most {} parts, not {parts}", n.min(MOST_PARTS)));
+    }
+    Ok(parts)
+}
+
+/// The plan of so many parts and columns.
+fn plan_of(
+    version: &str,
+    (problem, kernel, pairs): (Fingerprint, usize, usize),
+    (parts, columns): (usize, usize),
+    parameters: &ApproximationParameters,
+) -> PartPlan {
+    PartPlan {
+        version: version.to_owned(),
+        problem,
+        parts,
+        slices: 0,
+        pairs,
+        kernel,
+        tolerance: parameters.goal.map_or(0.0, |goal| goal.error),
+        seed: parameters.seed,
+        columns: Some(columns),
+    }
+}
+
+/// The rows of a part, ascending.
+fn rows_of(part_of: &[u32], number: usize) -> Vec<u32> {
+    (0..part_of.len() as u32).filter(|&row| part_of[row as usize] == number as u32).collect()
 }
 
 /// Whether a stiffness is that of the cotangents of the mesh, but for rows of vertices that are held.
@@ -242,19 +405,17 @@ impl SymmetricDefiniteSolver for OneThread {
     }
 }
 
-/// The largest sum of magnitudes in some rows.
-fn norm(matrix: &SparseMatrix, rows: &[u32]) -> f64 {
-    let of_row = |&row: &u32| matrix.row(row as usize).1.iter().map(|value| value.abs()).sum::<f64>();
-    rows.par_iter().map(of_row).reduce(|| 0.0, f64::max)
+/// The part of each unknown: the surface is halved across its longest extent, and so on, to as many parts of about one size.
+pub(super) fn divided(mesh: &TriangleMesh, (n, unknowns): (usize, Option<&[u32]>), parts: usize) -> Vec<u32> {
+    let mut part_of = vec![0u32; n];
+    halved(mesh, unknowns, &mut (0..n as u32).collect::<Vec<u32>>(), parts, &mut part_of);
+    part_of
 }
 
-/// The part of each unknown: the surface is halved across its longest extent, and so on, to as many parts of about one size.
-pub(super) fn divided(mesh: &TriangleMesh, problem: &EigenProblem, parts: usize) -> Vec<u32> {
-    let n = problem.size();
-    let vertex = |row: u32| problem.unknowns.as_ref().map_or(row, |unknowns| unknowns[row as usize]);
-    let mut rows: Vec<u32> = (0..n as u32).collect();
-    let mut part_of = vec![0u32; n];
-    let mut left: Vec<(&mut [u32], u32, usize)> = vec![(&mut rows, 0, parts)];
+/// Divides some rows in the same way, and puts down the part of each.
+fn halved(mesh: &TriangleMesh, unknowns: Option<&[u32]>, rows: &mut [u32], parts: usize, part_of: &mut [u32]) {
+    let vertex = |row: u32| unknowns.map_or(row, |unknowns| unknowns[row as usize]);
+    let mut left: Vec<(&mut [u32], u32, usize)> = vec![(rows, 0, parts)];
     while let Some((rows, first, parts)) = left.pop() {
         if parts < 2 || rows.is_empty() {
             rows.iter().for_each(|&row| part_of[row as usize] = first);
@@ -279,14 +440,14 @@ pub(super) fn divided(mesh: &TriangleMesh, problem: &EigenProblem, parts: usize)
         left.push((lower, first, half));
         left.push((upper, first + half as u32, parts - half));
     }
-    part_of
 }
 
 /// What parts bring along, until all are there.
 struct Gathered {
-    /// The part that has each row, and where; `u32::MAX` where none has.
-    places: Vec<(u32, u32)>,
-    spaces: Vec<SparseMatrix<f32>>,
+    /// Whether some part has a row.
+    seen: Vec<bool>,
+    /// The rows of each part, and its columns there.
+    spaces: Vec<(Vec<u32>, SparseMatrix<f32>)>,
     pairs: Option<EigenPairs>,
     sums: Vec<PairShare>,
     norm: f64,
@@ -304,8 +465,7 @@ struct Whole {
 
 impl Gathered {
     fn new(n: usize) -> Self {
-        let places = vec![(u32::MAX, 0); n];
-        Self { places, spaces: Vec::new(), pairs: None, sums: Vec::new(), norm: 0.0, defect: 0.0 }
+        Self { seen: vec![false; n], spaces: Vec::new(), pairs: None, sums: Vec::new(), norm: 0.0, defect: 0.0 }
     }
 
     fn take(&mut self, part: Part) -> Result<(), PartError> {
@@ -329,14 +489,14 @@ impl Gathered {
         if !values.is_sorted() {
             return Err(damaged("its values are not in order"));
         }
-        for (&row, at) in rows.iter().zip(0..) {
-            match self.places.get_mut(row as usize) {
-                Some(place) if place.0 == u32::MAX => *place = (self.spaces.len() as u32, at),
+        for &row in &rows {
+            match self.seen.get_mut(row as usize) {
+                Some(seen) if !*seen => *seen = true,
                 Some(_) => return Err(damaged(&format!("unknown {row} is also in a part before"))),
                 None => return Err(damaged(&format!("there is no unknown {row}"))),
             }
         }
-        self.spaces.push(space);
+        self.spaces.push((rows, space));
         let groups = sums.as_chunks::<NUMBERS_OF_SHARE>().0;
         let found: Vec<PairShare> = groups.iter().map(PairShare::of_numbers).collect();
         match &self.pairs {
@@ -358,24 +518,15 @@ impl Gathered {
     }
 
     fn whole(self) -> Result<Whole, PartError> {
-        let Self { places, spaces, pairs, sums, norm, defect } = self;
+        let Self { seen, spaces, pairs, sums, norm, defect } = self;
         let last = spaces.len();
         let missing = |reason: String| PartError::Damaged { number: last, reason };
-        if let Some(row) = places.iter().position(|place| place.0 == u32::MAX) {
+        if let Some(row) = seen.iter().position(|seen| !seen) {
             return Err(missing(format!("no part has unknown {row}")));
         }
         let pairs = pairs.ok_or_else(|| missing("it has no pairs".to_owned()))?;
-        let columns = spaces.first().map_or(0, SparseMatrix::columns);
-        let space = SparseMatrix::from_rows(
-            places.len(),
-            columns,
-            || (),
-            |(), row, entries| {
-                let (part, at) = places[row];
-                let (columns, values) = spaces[part as usize].row(at as usize);
-                entries.extend(columns.iter().copied().zip(values.iter().copied()));
-            },
-        );
+        let columns = spaces.first().map_or(0, |(_, space)| space.columns());
+        let space = stacked(seen.len(), columns, spaces);
         Ok(Whole { space, pairs, sums, norm, defect })
     }
 }

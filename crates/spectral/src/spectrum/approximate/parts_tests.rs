@@ -87,11 +87,37 @@ fn parts_make_the_pairs_of_the_whole_whatever_their_number() {
 }
 
 #[test]
+fn parts_by_rows_have_the_pairs_of_the_whole_and_bounds_beside_its_own_whatever_their_pieces() {
+    let mesh = generate(Shape::Genus(2), 4000).unwrap();
+    let of = OperatorParameters::default();
+    let operator = assemble(&mesh, &of, &Unwatched).unwrap();
+    let whole = approximate(&mesh, &operator, &parameters(), &Unwatched).unwrap();
+    let problem = LaplacianByRows::new(&mesh, &of, &Unwatched).unwrap().unwrap();
+    for (parts, pieces) in [(1, (4000, 4000)), (3, (900, 2000)), (2, (1500, 700))] {
+        let parted = Parted::by_rows(&problem, &parameters(), Some(parts), "1", &Unwatched).unwrap();
+        let of_whole = Parted::new(&mesh, &operator, &parameters(), Some(parts), "1", &Unwatched).unwrap();
+        assert_eq!(parted.plan().difference(of_whole.plan()), None, "{parts}");
+        let Source::ByRows(_, largest) = parted.source else { panic!("by rows") };
+        let made: Vec<Part> =
+            (0..parts).map(|number| parted.solve_by_rows((&problem, largest), number, pieces).unwrap()).collect();
+        let joined = parted.join(&mut |number| Ok(made[number].clone())).unwrap();
+        assert_eq!(compact(&joined).space, compact(&whole).space, "{parts}");
+        assert_eq!((&joined.mass, joined.eigenvalues[0]), (&whole.mass, 0.0), "{parts}");
+        for (k, (a, b)) in joined.eigenvalues.iter().zip(&whole.eigenvalues).enumerate().skip(1) {
+            assert!((a - b).abs() <= 1e-9 * b, "{parts}, pair {k}: {a} and {b}");
+            let ratio = joined.certificate.bounds[k] / whole.certificate.bounds[k];
+            assert!((0.3..6.0).contains(&ratio), "{parts}, pair {k}: bounds {ratio}");
+        }
+        assert!(joined.certificate.accuracy.as_ref().unwrap().reached, "{parts}");
+    }
+}
+
+#[test]
 fn every_unknown_is_in_one_part_and_parts_are_of_one_size() {
     for (name, mesh, of) in cases() {
         let problem = assemble(&mesh, &of, &Unwatched).unwrap().problem;
         for parts in [1, 2, 3, 5, 7, 8, 64] {
-            let part_of = divided(&mesh, &problem, parts);
+            let part_of = divided(&mesh, (problem.size(), problem.unknowns.as_deref()), parts);
             let mut counts = vec![0usize; parts];
             part_of.iter().for_each(|&part| counts[part as usize] += 1);
             let mean = problem.size() / parts;

@@ -4,10 +4,13 @@ use rayon::prelude::*;
 
 use super::super::domain::Domain;
 use super::super::hats;
+use super::by_rows::Restricted;
 use super::space::initial_space;
 use super::{ApproximationError, ApproximationParameters};
 use crate::operator::{EigenProblem, MeshOperator};
-use chladni_algebra::{EigenError, EigenPairs, SparseMatrix, SymmetricDefiniteSolver, galerkin, gpu};
+use chladni_algebra::{
+    EigenError, EigenPairs, SparseMatrix, SymmetricDefiniteSolver, galerkin, gpu, independent_columns,
+};
 use chladni_base::Monitor;
 
 /// Ritz pairs in the space, on unit area.
@@ -33,15 +36,19 @@ const MOST: f64 = 1e-3;
 
 /// What rounding makes of a zero: a share of the last value, or, where parts of a mesh differ in size, of the largest eigenvalue of all.
 pub(in crate::spectrum) fn rounding(problem: &EigenProblem, last: f64, share: f64) -> f64 {
-    by_rounding(problem, last, share).min(MOST * last)
+    by_rounding(largest_row(problem), last, share).min(MOST * last)
 }
 
-/// The same, however large.
-fn by_rounding(problem: &EigenProblem, last: f64, share: f64) -> f64 {
+/// The same, however large, by the largest sum of magnitudes in a row over its mass.
+fn by_rounding(largest: f64, last: f64, share: f64) -> f64 {
+    (share * last).max(UNIT * largest)
+}
+
+/// The largest sum of magnitudes in a row of the stiffness over the mass of the row, which no eigenvalue exceeds.
+fn largest_row(problem: &EigenProblem) -> f64 {
     let mass = problem.mass.lumped();
     let own = |row: usize| problem.stiffness.row(row).1.iter().map(|entry| entry.abs()).sum::<f64>() / mass[row];
-    let largest = (0..mass.len()).map(own).filter(|value| value.is_finite()).fold(0.0, f64::max);
-    (share * last).max(UNIT * largest)
+    (0..mass.len()).map(own).filter(|value| value.is_finite()).fold(0.0, f64::max)
 }
 
 /// A zero that rounding has made something of is less than this share of the first value that is none.
@@ -51,11 +58,16 @@ impl Ritz {
     /// With the lowest values exactly zero where constants on so many components are in the kernel: the functions of a space sum to one, and what a
     /// dense solver finds instead is rounding, of single precision for a component next to nothing in size. Values that are small for another reason can
     /// be told from them then.
-    pub(super) fn with_zeros(mut self, problem: &EigenProblem, kernel: usize) -> Self {
+    pub(super) fn with_zeros(self, problem: &EigenProblem, kernel: usize) -> Self {
+        self.with_zeros_by(largest_row(problem), kernel)
+    }
+
+    /// The same, by the largest sum of magnitudes in a row of the stiffness over the mass of the row.
+    pub(super) fn with_zeros_by(mut self, largest: f64, kernel: usize) -> Self {
         let values = &mut self.pairs.values;
         let last = values.last().copied().unwrap_or(0.0);
         let most = (MOST * last).max(values.get(kernel).map_or(0.0, |next| APART * next));
-        let rounding = by_rounding(problem, last, ROUNDING).min(most);
+        let rounding = by_rounding(largest, last, ROUNDING).min(most);
         if let Some(lowest) = values.get_mut(..kernel)
             && lowest.iter().all(|value| value.abs() <= rounding)
         {
@@ -171,33 +183,44 @@ pub(super) fn reduce(
 pub(super) fn reduce_by(
     solver: &dyn SymmetricDefiniteSolver,
     problem: &EigenProblem,
-    mut space: SparseMatrix<f32>,
+    space: SparseMatrix<f32>,
     count: usize,
     monitor: &dyn Monitor,
 ) -> Result<Ritz, ApproximationError> {
+    monitor.stage("reduce");
+    let (stiffness, mass) = galerkin(&space, &problem.stiffness, &problem.mass, monitor)?;
+    solve_restricted(solver, Restricted { space, stiffness, mass }, count, monitor)
+}
+
+/// [`reduce_by`] of matrices that are restricted already; `space` may have some of its rows alone.
+pub(super) fn solve_restricted(
+    solver: &dyn SymmetricDefiniteSolver,
+    Restricted { mut space, mut stiffness, mut mass }: Restricted,
+    count: usize,
+    monitor: &dyn Monitor,
+) -> Result<Ritz, ApproximationError> {
+    monitor.stage("eigen");
     let mut tries = DEPENDENT.iter();
     loop {
-        monitor.stage("reduce");
-        let (stiffness, mass) = galerkin(&space, &problem.stiffness, &problem.mass, monitor)?;
-        monitor.stage("eigen");
-        let solved = solver.lowest(stiffness.to_dense(), mass.to_dense(), count, monitor);
-        let solved = match solved {
+        let solved = match solver.lowest(stiffness.to_dense(), mass.to_dense(), count, monitor) {
             Ok(pairs) if drowned(&stiffness, &mass, &pairs) => reversed(solver, &stiffness, &mass, &pairs, monitor),
             other => other,
         };
-        match &solved {
-            Ok(pairs) if !lost_to_rounding(&stiffness, pairs) => {}
-            Ok(_) | Err(EigenError::NotPositiveDefinite { .. }) => {
-                let smaller = tries.find_map(|&least| {
-                    let kept = hats::independent(&space, &mass, least);
-                    (kept.columns() < space.columns()).then_some(kept)
-                });
-                if let Some(smaller) = smaller.filter(|smaller| smaller.columns() >= count) {
-                    space = smaller;
-                    continue;
-                }
+        let dependent = match &solved {
+            Ok(pairs) => lost_to_rounding(&stiffness, pairs),
+            Err(error) => matches!(error, EigenError::NotPositiveDefinite { .. }),
+        };
+        if dependent {
+            let fewer = tries.find_map(|&least| {
+                let kept = independent_columns(&mass.to_dense(), least);
+                (kept.len() < space.columns()).then_some(kept)
+            });
+            if let Some(kept) = fewer.filter(|kept| kept.len() >= count) {
+                space = hats::of_columns(&space, &kept);
+                let kept: Vec<u32> = kept.into_iter().map(|column| column as u32).collect();
+                (stiffness, mass) = (stiffness.principal(&kept), mass.principal(&kept));
+                continue;
             }
-            Err(_) => {}
         }
         return Ok(Ritz { space, mass, stiffness, pairs: solved? });
     }

@@ -14,14 +14,14 @@ use chladni_mesh::sample::well_spread_points;
 use chladni_mesh::{TetMesh, TriangleMesh};
 
 /// The overlap of supports, `σ`: the thesis takes 7 to 10.
-const SIGMA: f64 = 10.0;
+pub(super) const SIGMA: f64 = 10.0;
 
 /// Moves of the samples toward the centroids of their cells: three of them take 15 % off the error.
-const LLOYD_MOVES: usize = 3;
+pub(super) const LLOYD_MOVES: usize = 3;
 
 /// Below this many vertices per dimension a mesh is solved exactly, in the space of all its hat functions: local functions of
 /// so few vertices would be close to dependent, and the dense problem is hardly larger.
-const EXACT_RATIO: f64 = 1.5;
+pub(super) const EXACT_RATIO: f64 = 1.5;
 
 /// Rows of more entries than this are those of functions that reach everywhere, on what is no surface. They do not diffuse for longer.
 pub(super) const FEW_ENTRIES: usize = 25;
@@ -167,4 +167,4 @@ fn in_solid(
 const REACH_IN_SOLID: f64 = 1.8;
 
 /// From this many vertices per sample on, Dijkstra's distances start the heat steps as well as those of fast marching.
-const DIJKSTRA_SUFFICES: usize = 500;
+pub(super) const DIJKSTRA_SUFFICES: usize = 500;

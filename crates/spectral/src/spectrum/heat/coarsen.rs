@@ -81,6 +81,13 @@ impl Coarsening {
     pub fn surface(&self) -> Surface<'_> {
         Surface { positions: &self.positions, triangles: &self.triangles }
     }
+
+    /// Lets go of the coarse level, and of all else but what interpolates.
+    pub fn forget_all_but_corners(&mut self) {
+        self.level = Level::empty();
+        (self.cells, self.seeds) = (Vec::new(), Vec::new());
+        (self.positions, self.triangles) = (Vec::new(), Vec::new());
+    }
 }
 
 /// The distinct triples of cells that fine triangles join, ascending.

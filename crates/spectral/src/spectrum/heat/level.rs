@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::HeatError;
 use super::coarsen::{Surface, element_weights};
-use crate::operator::{EigenProblem, MassMatrix};
+use crate::operator::{EigenProblem, LaplacianByRows, MassMatrix};
 use chladni_mesh::connectivity::Connectivity;
 
 /// Weights on fair triangles are about 1; one of this size leaves no digit of a mass of 1e-6 in single precision.
@@ -40,6 +40,44 @@ impl Level {
             })
             .collect::<Result<_, _>>()?;
         Ok(Self::concatenate(chunks))
+    }
+
+    /// The same of a problem without its matrix, by the edges of the mesh, which serve no one else, and its rows, a run of so many at a time.
+    pub fn finest_by_rows(problem: &LaplacianByRows<'_>, connectivity: Connectivity) -> Result<Self, HeatError> {
+        const ROWS: usize = 1 << 19;
+        let n = problem.size();
+        let area = problem.area();
+        if !(area > 0.0 && area.is_finite()) {
+            return Err(HeatError::NotFinite { row: 0 });
+        }
+        let scale = 1.0 / area.sqrt();
+        let (offsets, neighbours, of_input) = connectivity.into_edges();
+        let lengths = of_input.par_iter().map(|length| (length * scale) as f32).collect();
+        drop(of_input);
+        let mass: Vec<f32> = problem.masses().iter().map(|mass| mass.max(0.0) as f32).collect();
+        let (mut weights, mut diagonal) = (vec![-0.0f32; neighbours.len()], vec![0f32; n]);
+        for from in (0..n).step_by(ROWS) {
+            let rows: Vec<u32> = (from as u32..n.min(from + ROWS) as u32).collect();
+            let stiffness = problem.rows(&rows);
+            for (at, &row) in rows.iter().enumerate() {
+                let row = row as usize;
+                let edges = offsets[row] as usize..offsets[row + 1] as usize;
+                let mut finite = mass[row].is_finite();
+                let (columns, values) = stiffness.row(at);
+                for (&column, &value) in columns.iter().zip(values) {
+                    finite &= value.is_finite();
+                    if column as usize == row {
+                        diagonal[row] = value as f32;
+                    } else if let Ok(edge) = neighbours[edges.clone()].binary_search(&column) {
+                        weights[edges.start + edge] = -value as f32;
+                    }
+                }
+                if !finite {
+                    return Err(HeatError::NotFinite { row });
+                }
+            }
+        }
+        Ok(Self { offsets, neighbours, weights, lengths, diagonal, mass })
     }
 
     /// A level without vertices.

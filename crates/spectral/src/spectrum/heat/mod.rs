@@ -13,6 +13,7 @@ mod assemble;
 mod coarsen;
 mod level;
 mod panel;
+mod piecewise;
 mod polish;
 mod shrink;
 mod solid;
@@ -21,7 +22,8 @@ mod tests;
 
 use std::borrow::Borrow;
 
-use crate::operator::EigenProblem;
+use super::radial::Grown;
+use crate::operator::{EigenProblem, LaplacianByRows};
 use chladni_algebra::SparseMatrix;
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::TriangleMesh;
@@ -30,6 +32,7 @@ use chladni_mesh::connectivity::Connectivity;
 use assemble::Kept;
 use coarsen::{Coarsening, Surface};
 use level::Level;
+pub(super) use piecewise::Diffused;
 pub use solid::smooth_in_solid;
 
 /// A level of at most so many vertices a column is coarse enough to take heat steps on. Measured: with a third of that the error
@@ -194,8 +197,77 @@ pub fn smooth(
         let (problem, mesh) = (problem.stiffness.rows(), connectivity.borrow().vertices());
         return Err(HeatError::Shape { problem, mesh, columns: n });
     }
-    let Peaks { vertices: peaks, heights } = peaks(columns.borrow())?;
+    let peaks = peaks(columns.borrow())?;
     monitor.checkpoint()?;
+    let level = Level::finest(problem, connectivity.borrow())?;
+    // What is given away is let go of as soon as it has served: of millions of vertices it is a good part of what there is.
+    drop(connectivity);
+    let rows = move |vertices: Option<&[u32]>| match vertices {
+        Some(vertices) => columns.borrow().select_rows(vertices),
+        None => columns.borrow().clone(),
+    };
+    let start = Start { peaks, d, rows };
+    Ok(diffused((mesh, problem.area), level, start, parameters, monitor)?.all(monitor)?)
+}
+
+/// The same of columns that are not put in rows, and a problem without its matrix; what comes out makes the rows that are asked for. `connectivity` needs
+/// no faces. `None` where some entry on the diagonal of the stiffness exceeds `most`.
+///
+/// # Errors
+/// As [`smooth`].
+pub(super) fn smooth_by_rows(
+    problem: &LaplacianByRows<'_>,
+    connectivity: Connectivity,
+    columns: Grown,
+    parameters: &HeatParameters,
+    most: f32,
+    monitor: &dyn Monitor,
+) -> Result<Option<Diffused>, HeatError> {
+    parameters.check()?;
+    let (n, d) = (columns.rows(), columns.columns());
+    if problem.size() != n || connectivity.vertices() != n {
+        return Err(HeatError::Shape { problem: problem.size(), mesh: connectivity.vertices(), columns: n });
+    }
+    if let Some(vertex) = columns.uncovered() {
+        return Err(HeatError::Uncovered { vertex });
+    }
+    let (mut vertices, mut heights) = (Vec::with_capacity(d), Vec::with_capacity(d));
+    for column in 0..d {
+        let (height, vertex) = columns.peak(column).ok_or(HeatError::EmptyColumn { column })?;
+        heights.push(height);
+        vertices.push(vertex);
+    }
+    monitor.checkpoint()?;
+    let level = Level::finest_by_rows(problem, connectivity)?;
+    if level.diagonal.iter().any(|&entry| entry > most) {
+        return Ok(None);
+    }
+    let rows = move |vertices: Option<&[u32]>| match vertices {
+        Some(vertices) => columns.select_rows(vertices),
+        None => columns.select_rows(&(0..n as u32).collect::<Vec<u32>>()),
+    };
+    let start = Start { peaks: Peaks { vertices, heights }, d, rows };
+    Ok(Some(diffused((problem.mesh(), problem.area()), level, start, parameters, monitor)?))
+}
+
+/// The columns that diffuse.
+struct Start<R> {
+    peaks: Peaks,
+    /// How many there are.
+    d: usize,
+    /// Their rows at some vertices, or at all.
+    rows: R,
+}
+
+/// Columns that have diffused on a coarse level of the mesh. What makes their rows is let go of before the way back.
+fn diffused(
+    (mesh, area): (&TriangleMesh, f64),
+    mut level: Level,
+    start: Start<impl Fn(Option<&[u32]>) -> SparseMatrix<f32>>,
+    parameters: &HeatParameters,
+    monitor: &dyn Monitor,
+) -> Result<Diffused, HeatError> {
+    let Start { peaks: Peaks { vertices: peaks, heights }, d, rows } = start;
     let heat = panel::Heat {
         steps: parameters.steps,
         time: (parameters.time / d.max(1) as f64) as f32,
@@ -204,23 +276,20 @@ pub fn smooth(
         tolerance: parameters.tolerance as f32,
     };
     let origin = mesh.positions.first().copied().unwrap_or_default();
-    let unit = 1.0 / problem.area.sqrt();
+    let unit = 1.0 / area.sqrt();
     let positions: Vec<[f32; 3]> =
         mesh.positions.iter().map(|p| std::array::from_fn(|k| ((p[k] - origin[k]) * unit) as f32)).collect();
     let surface = Surface { positions: &positions, triangles: &mesh.faces };
-    let mut level = Level::finest(problem, connectivity.borrow())?;
-    // What is given away is let go of as soon as it has served: of millions of vertices it is a good part of what there is.
-    drop(connectivity);
     if level.is_stiff() {
         level.take_weights(surface);
     }
-    let hierarchy = coarsen(&level, surface, &peaks, d, monitor)?;
+    let mut hierarchy = coarsen(&level, surface, &peaks, d, monitor)?;
     drop(positions);
     let Some(coarsest) = hierarchy.last() else {
-        let spread = panel::diffuse(&level, columns.borrow(), &peaks, &heat, monitor)?;
+        let spread = panel::diffuse(&level, &rows(None), &peaks, &heat, monitor)?;
         let mut result = shrink::shrink(&spread, parameters.drop as f32, parameters.threshold as f32);
         shrink::refill_columns(&mut result, &spread, d);
-        return Ok(result);
+        return Ok(Diffused::done(result));
     };
     // The fine vertex of every coarse one, and the coarse vertex of every peak.
     let mut vertices = coarsest.seeds.clone();
@@ -231,22 +300,23 @@ pub fn smooth(
     for coarsening in &hierarchy {
         tops.iter_mut().for_each(|v| *v = coarsening.cells[*v as usize]);
     }
-    let initial = columns.borrow().select_rows(&vertices);
-    drop(columns);
+    let initial = rows(Some(&vertices));
+    drop(rows);
     let coarse_drop = (COARSE_DROP * parameters.threshold).max(parameters.drop) as f32;
     let heat = panel::Heat { kept: Kept::positive(coarse_drop), ..heat };
     let mut spread = panel::diffuse(&coarsest.level, &initial, &tops, &heat, monitor)?;
-    for (k, coarsening) in hierarchy.iter().enumerate().rev() {
-        let fine = if k > 0 { &hierarchy[k - 1].level } else { &level };
-        let thinning = if k > 0 {
-            polish::Thinning { drop: coarse_drop, threshold: 0.0 }
-        } else {
-            polish::Thinning { drop: parameters.drop as f32, threshold: parameters.threshold as f32 }
-        };
-        spread = polish::prolong(fine, coarsening, &spread, &SMOOTHER, &thinning, monitor)?;
+    let thinning = polish::Thinning { drop: coarse_drop, threshold: 0.0 };
+    while hierarchy.len() > 1
+        && let Some(coarsening) = hierarchy.pop()
+        && let Some(finer) = hierarchy.last()
+    {
+        spread = polish::prolong(&finer.level, &coarsening, &spread, &SMOOTHER, &thinning, monitor)?;
     }
-    shrink::refill_from(&mut spread, d, |column| (heights[column], peaks[column] as usize));
-    Ok(spread)
+    let thinning = polish::Thinning { drop: parameters.drop as f32, threshold: parameters.threshold as f32 };
+    match hierarchy.pop() {
+        Some(first) => Ok(Diffused::on_level((level, first), spread, SMOOTHER, thinning, (peaks, heights))),
+        None => Ok(Diffused::done(spread)),
+    }
 }
 
 /// Coarser and coarser levels until one has at most [`COARSE_RATIO`] vertices a column.

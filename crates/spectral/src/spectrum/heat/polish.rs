@@ -52,12 +52,31 @@ pub(super) fn prolong(
     thinning: &Thinning,
     monitor: &dyn Monitor,
 ) -> Result<SparseMatrix<f32>, Cancelled> {
+    let (blocks, scales) = prepared(fine, coarsening, smoother);
+    rows((fine, coarsening, columns), (&blocks, &scales), None, (smoother, thinning), monitor)
+}
+
+/// The blocks that are smoothed by themselves, and the factor of each row of the stiffness.
+pub(super) fn prepared(fine: &Level, coarsening: &Coarsening, smoother: &Smoother) -> (Vec<Vec<u32>>, Vec<f32>) {
     let n = fine.vertices();
-    let blocks = blocks(coarsening, n, smoother.block);
     // Where the fine mesh is no finer than the coarse one there is nothing to smooth: time steps are limited.
     let limit = coarsening.reach * coarsening.reach / 16.0;
-    let scales: Vec<f32> = (0..n).into_par_iter().map(|v| scale(fine, v, limit)).collect();
-    let smoothing = Smoothing { fine, coarsening, columns, scales: &scales, smoother: *smoother, thinning: *thinning };
+    let scales = (0..n).into_par_iter().map(|v| scale(fine, v, limit)).collect();
+    (blocks(coarsening, n, smoother.block), scales)
+}
+
+/// The rows of [`prolong`] that are wanted, by blocks and factors that are [`prepared`]; the others are empty.
+pub(super) fn rows(
+    (fine, coarsening, columns): (&Level, &Coarsening, &SparseMatrix<f32>),
+    (blocks, scales): (&[Vec<u32>], &[f32]),
+    wanted: Option<&[bool]>,
+    (smoother, thinning): (&Smoother, &Thinning),
+    monitor: &dyn Monitor,
+) -> Result<SparseMatrix<f32>, Cancelled> {
+    let n = fine.vertices();
+    let smoothing = Smoothing { fine, coarsening, columns, scales, wanted, smoother: *smoother, thinning: *thinning };
+    let blocks: Vec<&[u32]> =
+        blocks.iter().map(Vec::as_slice).filter(|block| block.iter().any(|&v| smoothing.is_wanted(v))).collect();
     let done = AtomicUsize::new(0);
     let parts: Vec<Part> = blocks
         .par_iter()
@@ -172,11 +191,17 @@ struct Smoothing<'a> {
     columns: &'a SparseMatrix<f32>,
     /// The factor of each row of the stiffness.
     scales: &'a [f32],
+    /// The rows that are made, where these are not all.
+    wanted: Option<&'a [bool]>,
     smoother: Smoother,
     thinning: Thinning,
 }
 
 impl Smoothing<'_> {
+    fn is_wanted(&self, vertex: u32) -> bool {
+        self.wanted.is_none_or(|wanted| wanted[vertex as usize])
+    }
+
     /// Interpolates, smooths and thins out the rows of a block.
     fn block(&self, block: &[u32], scratch: &mut Scratch) -> Part {
         let (vertices, ends) = self.rings(block, &mut scratch.local);
@@ -195,7 +220,11 @@ impl Smoothing<'_> {
             values: Vec::with_capacity(room),
         };
         let Thinning { drop, threshold } = self.thinning;
-        for k in 0..block.len() {
+        for (k, &v) in block.iter().enumerate() {
+            if !self.is_wanted(v) {
+                part.ends.push(part.indices.len() as u32);
+                continue;
+            }
             let row = &x[k * chunks..(k + 1) * chunks].as_flattened()[..names.len()];
             push_row(&names, row, drop, threshold, &mut part.indices, &mut part.values);
             part.ends.push(part.indices.len() as u32);
@@ -375,7 +404,7 @@ fn fma<S: Simd>(a: f32, b: f32, c: f32) -> f32 {
 }
 
 /// Puts the rows of the blocks in the order of the vertices.
-fn assemble(n: usize, d: usize, blocks: &[Vec<u32>], parts: Vec<Part>) -> SparseMatrix<f32> {
+fn assemble(n: usize, d: usize, blocks: &[&[u32]], parts: Vec<Part>) -> SparseMatrix<f32> {
     let mut places = vec![(0u32, 0u32); n];
     let mut offsets = vec![0usize; n + 1];
     for (b, (block, part)) in blocks.iter().zip(&parts).enumerate() {

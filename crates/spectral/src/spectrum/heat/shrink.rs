@@ -113,7 +113,7 @@ fn filled(result: &SparseMatrix<f32>, d: usize) -> Vec<bool> {
 }
 
 /// Puts entries, each with its column and row, into rows that still sum to 1.
-fn refill(result: &mut SparseMatrix<f32>, d: usize, missing: Vec<(usize, (f32, usize))>) {
+pub(super) fn refill(result: &mut SparseMatrix<f32>, d: usize, missing: Vec<(usize, (f32, usize))>) {
     let given = |(column, (value, row)): (usize, (f32, usize))| (row, column as u32, value.max(f32::MIN_POSITIVE));
     let mut extra: Vec<(usize, u32, f32)> = missing.into_iter().map(given).collect();
     extra.sort_unstable_by_key(|&(row, column, _)| (row, column));

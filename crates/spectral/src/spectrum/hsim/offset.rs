@@ -64,6 +64,12 @@ fn sum(matrix: &SparseMatrix, row: usize) -> (f64, f64) {
     (values.iter().sum(), UNIT * values.len() as f64 * size)
 }
 
+/// Whether a row sums to zero, as far as rounding lets one tell.
+pub(in crate::spectrum) fn is_balanced(stiffness: &SparseMatrix, row: usize) -> bool {
+    let (sum, error) = sum(stiffness, row);
+    sum.abs() <= error
+}
+
 /// On how many components constants are in the kernel of the stiffness, as far as rounding lets one tell.
 pub(in crate::spectrum) fn constants_in_kernel(stiffness: &SparseMatrix, mass: &MassMatrix) -> usize {
     let component = components(stiffness, mass, 0.0);

@@ -399,14 +399,19 @@ fn agree(some: &[f64], others: &[f64]) -> bool {
 
 /// What a problem says about itself.
 pub(in crate::spectrum) fn fingerprint(problem: &EigenProblem) -> Fingerprint {
-    let (n, mut random) = (problem.size(), SplitMix64::new(0x5eed));
+    let n = problem.size();
     let mut products = [0.0; 6];
-    for pair in products.chunks_exact_mut(2) {
-        let x: Vec<f64> = (0..n).map(|_| random.signed_unit()).collect();
+    for (pair, x) in products.chunks_exact_mut(2).zip(probes(n)) {
         let with_x = |image: Vec<f64>| image.iter().zip(&x).map(|(a, b)| a * b).sum();
         (pair[0], pair[1]) = (with_x(problem.stiffness.multiply(&x)), with_x(problem.mass.multiply(&x)));
     }
     Fingerprint { unknowns: n, entries: problem.stiffness.entries(), products }
+}
+
+/// The random vectors that a problem is multiplied with for its fingerprint.
+pub(in crate::spectrum) fn probes(n: usize) -> Vec<Vec<f64>> {
+    let mut random = SplitMix64::new(0x5eed);
+    (0..3).map(|_| (0..n).map(|_| random.signed_unit()).collect()).collect()
 }
 
 /// Columns with their rows in the order of the problem.
