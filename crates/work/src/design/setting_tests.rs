@@ -127,7 +127,8 @@ fn exact_directions_that_crowd_one_place_are_refused_with_strokes_as_the_way_out
     let crowd: Vec<Value> = (0..30)
         .map(|face: u32| json!({"face": face, "frame_direction": [f64::from(face).sin(), f64::from(3 * face).cos()]}))
         .collect();
-    let refused = setting().design(&request(json!({"constraints": crowd, "space": "basis"})), &Unwatched).unwrap_err();
+    let refused =
+        setting().design(&request(json!({"constraints": crowd, "space": "basis"})), &Unwatched).err().unwrap();
     assert!(matches!(refused, DesignFault::Design(DesignError::Dependent { face }) if face < 30), "{refused}");
     let told = refused.to_string();
     assert!(told.contains("a larger basis may do, or strokes in place of some of them"), "{told}");
