@@ -42,6 +42,8 @@ pub struct Removed {
 const LOOK_MS: i64 = 60 * 1000;
 /// Deletions of one look and one bound, so that writers get their turn.
 const AT_ONCE: i64 = 100;
+/// Looks of one turn: other duties wait meanwhile.
+const MOST_LOOKS: usize = 20;
 
 /// Bases that no unfinished job makes anew or needs. What parts make goes with the jobs that they are parts of.
 const FREE_BASES: &str = "FROM bases WHERE bases.kind <> 'eigenbasis_part' AND NOT EXISTS
@@ -60,7 +62,7 @@ const FREE_JOBS: &str =
     AND NOT EXISTS (SELECT 1 FROM bases WHERE bases.job = jobs.id)";
 
 impl Store {
-    /// Looks at what is kept once a minute.
+    /// Looks at what is kept once a minute, until nothing is beyond the bounds.
     pub(super) async fn retain_in_turn(&self) -> Result<(), StoreError> {
         let now_ms = self.now_ms();
         if (now_ms - self.inner.retained_ms.load(Ordering::Relaxed)).abs() < LOOK_MS {
@@ -69,9 +71,16 @@ impl Store {
         self.inner.retained_ms.store(now_ms, Ordering::Relaxed);
         self.write_uses().await?;
         let retention = self.inner.options.retention;
-        if retention != Retention::default() {
-            self.retain(&retention).await?;
+        if retention == Retention::default() {
+            return Ok(());
         }
+        for _ in 0..MOST_LOOKS {
+            if self.retain(&retention).await? == Removed::default() {
+                return Ok(());
+            }
+        }
+        // There is more: the next turn goes on.
+        self.inner.retained_ms.store(now_ms.saturating_sub(LOOK_MS), Ordering::Relaxed);
         Ok(())
     }
 

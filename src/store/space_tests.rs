@@ -118,3 +118,17 @@ async fn the_least_recently_used_goes_first_and_never_what_the_queue_needs() {
     assert_eq!((removed.bases, removed.meshes, removed.jobs), (0, 1, 1));
     assert!(store.load_mesh(&meshes[2]).await.is_ok(), "a job in the queue needs it");
 }
+
+#[tokio::test]
+async fn what_is_beyond_a_bound_goes_in_one_turn_however_many_there_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let retention = Retention { meshes: Some(5), ..Retention::default() };
+    let store = Store::open(StoreOptions { retention, ..options(&folder) }).await.unwrap();
+    for seed in 0..260 {
+        store.add_mesh(mesh(seed, 10)).await.unwrap();
+    }
+    store.inner.retained_ms.store(0, Ordering::Relaxed);
+    store.retain_in_turn().await.unwrap();
+    let page = PageRequest { limit: PageRequest::MOST, ..PageRequest::default() };
+    assert_eq!(store.meshes(&page).await.unwrap().items.len(), 5);
+}

@@ -127,7 +127,8 @@ pub fn triangulated(points: &TriangleMesh, monitor: &dyn Monitor) -> Result<Tria
     }
 }
 
-/// The same triangles, each of them once: whom a point has beside it.
+/// The same triangles, each of them once: whom a point has beside it. All of them stay known as the local ones, each beside its copies, with corners by
+/// ascending number.
 pub fn once_each(local: &TriangleMesh) -> TriangleMesh {
     let mut faces: Vec<[u32; 3]> = local
         .faces
@@ -139,8 +140,11 @@ pub fn once_each(local: &TriangleMesh) -> TriangleMesh {
         })
         .collect();
     faces.par_sort_unstable();
-    faces.dedup();
-    TriangleMesh { positions: local.positions.clone(), faces, ..Default::default() }
+    let mut once = faces.clone();
+    once.dedup();
+    let local = TriangleMesh { positions: local.positions.clone(), faces, ..Default::default() };
+    let (positions, local) = Known::new(local);
+    TriangleMesh { positions, faces: once, local, ..Default::default() }
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use chladni_algebra::{CpuSolver, DenseMatrix, SymmetricDefiniteSolver};
+use chladni_algebra::{CpuSolver, DenseMatrix, SparseMatrix, SymmetricDefiniteSolver};
 use chladni_base::{Monitor, Unwatched};
 
 use super::error::{self, AnalysisError};
@@ -17,6 +17,9 @@ pub const MOST_PAIRS: usize = 1000;
 
 /// Functions that are lifted at once.
 const AT_ONCE: usize = 32;
+
+/// Numbers of functions that are lifted at once where all are multiplied with all.
+const GRAM_NUMBERS: usize = 1 << 24;
 
 /// Eigenvalues that lie close together, and the spaces of their functions.
 #[derive(Debug, Clone, PartialEq)]
@@ -77,14 +80,19 @@ pub fn compare(
             projection_errors.push(if norm > 0.0 { (1.0 - held / (norm * norm)).max(0.0).sqrt() } else { 0.0 });
         }
     }
+    // In the mass of the reference the functions of the other basis need not be orthonormal.
+    let gram = match other.mass == reference.mass {
+        true => SparseMatrix::<f64>::identity(pairs).to_dense(),
+        false => gram(reference, other, pairs, monitor)?,
+    };
     let eigenspaces = clusters(&reference.eigenvalues[..pairs], gap)
         .into_iter()
-        .map(|modes| Ok(Eigenspace { angles: angles(&block(&coefficients, &modes))?, modes }))
+        .map(|modes| Ok(Eigenspace { angles: angles(&block(&coefficients, &modes), block(&gram, &modes))?, modes }))
         .collect::<Result<_, AnalysisError>>()?;
     let zero = super::spectrum::NEARLY * reference.eigenvalues[pairs - 1].abs();
     let values = reference.eigenvalues.iter().zip(&other.eigenvalues).take(pairs);
     Ok(SubspaceComparison {
-        angles: angles(&coefficients)?,
+        angles: angles(&coefficients, gram)?,
         eigenvalue_errors: values.map(|(a, b)| if (b - a).abs() <= zero { 0.0 } else { (b - a) / a }).collect(),
         projection_errors,
         eigenspaces,
@@ -116,14 +124,38 @@ fn block(matrix: &DenseMatrix, modes: &Range<usize>) -> DenseMatrix {
     block
 }
 
-/// The principal angles of two spaces with orthonormal bases whose inner products these are: their cosines are the singular values.
-fn angles(products: &DenseMatrix) -> Result<Vec<f64>, AnalysisError> {
+/// `ΨᵀMΨ` of the first functions of the other basis, `M` of the reference.
+fn gram(reference: &Basis, other: &Basis, pairs: usize, monitor: &dyn Monitor) -> Result<DenseMatrix, AnalysisError> {
+    let n = reference.vertices();
+    let at_once = (GRAM_NUMBERS / n.max(1)).clamp(AT_ONCE, MOST_PAIRS);
+    let lifted = |from: usize| {
+        let range = from..pairs.min(from + at_once);
+        Ok::<_, AnalysisError>(DenseMatrix::from_columns(n, range.len(), other.lift(range)?))
+    };
+    let mut gram = DenseMatrix::zeros(pairs, pairs);
+    for right in (0..pairs).step_by(at_once) {
+        let functions = reference.mass_times(&lifted(right)?)?;
+        for left in (0..=right).step_by(at_once) {
+            monitor.checkpoint()?;
+            let products = lifted(left)?.transposed_times(&functions);
+            for j in 0..products.columns() {
+                for (i, &product) in products.column(j).iter().enumerate() {
+                    gram.column_mut(right + j)[left + i] = product;
+                    gram.column_mut(left + i)[right + j] = product;
+                }
+            }
+        }
+    }
+    Ok(gram)
+}
+
+/// The principal angles of the spaces of two bases with these inner products, the first orthonormal and the second with this Gram matrix: squares of
+/// their cosines are the eigenvalues of the pencil of both.
+fn angles(products: &DenseMatrix, gram: DenseMatrix) -> Result<Vec<f64>, AnalysisError> {
     let k = products.columns();
     let mut squares = products.transposed_times(products);
     squares.values_mut().iter_mut().for_each(|value| *value = -*value);
-    let mut identity = DenseMatrix::zeros(k, k);
-    (0..k).for_each(|i| identity.column_mut(i)[i] = 1.0);
-    let found = CpuSolver.lowest(squares, identity, k, &Unwatched)?;
+    let found = CpuSolver.lowest(squares, gram, k, &Unwatched)?;
     // Largest cosines first. Sines tell small angles better than cosines do.
     let angle = |value: &f64| {
         let square = (-value).clamp(0.0, 1.0);
@@ -137,6 +169,7 @@ mod tests {
     use super::*;
     use crate::analysis::fixtures::{chain, dense};
     use crate::basis::{DenseFunctions, Functions, Precision};
+    use chladni_algebra::MassMatrix;
 
     /// The chain with two of its functions turned against each other by an angle.
     fn turned(basis: &Basis, a: usize, b: usize, angle: f64) -> Basis {
@@ -182,6 +215,32 @@ mod tests {
         other.eigenvalues[2] *= 1.5;
         let found = compare(&basis, &other, 10, 0.01, &Unwatched).unwrap();
         assert!((found.eigenvalue_errors[2] - 0.5).abs() < 1e-12 && found.eigenvalue_errors[0] == 0.0);
+    }
+
+    #[test]
+    fn another_mass_and_another_scale_turn_no_space() {
+        let basis = dense(&chain(60, 20));
+        let (n, m) = (basis.vertices(), basis.count());
+        // The same space by functions that are orthonormal in no mass of the reference: sums of one and the next, ever longer.
+        let columns = DenseMatrix::from_columns(n, m, basis.lift(0..m).unwrap());
+        let mut other = columns.clone();
+        for k in 0..m - 1 {
+            let next = columns.column(k + 1).to_vec();
+            let length = 1.0 + k as f64;
+            other.column_mut(k).iter_mut().zip(next).for_each(|(x, y)| *x = length * (*x + 0.5 * y));
+        }
+        let mass = MassMatrix::Diagonal(vec![7.0; n]);
+        let functions = Functions::Dense(DenseFunctions::from_columns(&other, Precision::F64));
+        let other = Basis { functions, mass, ..basis.clone() };
+        let found = compare(&basis, &other, m, 0.01, &Unwatched).unwrap();
+        assert!(found.angles.iter().all(|&angle| angle < 1e-6), "{:?}", found.angles);
+        // A function and half of the next: an angle of arctan 1/2, whatever its length.
+        for space in &found.eigenspaces[..m - 1] {
+            assert!((space.angles[0] - 0.5f64.atan()).abs() < 1e-7, "{space:?}");
+        }
+        // Of fewer pairs the last function leaves the span by what it has of the next.
+        let fewer = compare(&basis, &other, 10, 0.01, &Unwatched).unwrap();
+        assert!(fewer.angles[8] < 1e-6 && fewer.angles[9] > 1e-3, "{:?}", fewer.angles);
     }
 
     #[test]

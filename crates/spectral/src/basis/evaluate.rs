@@ -209,7 +209,7 @@ impl Basis {
         Ok(())
     }
 
-    fn mass_times(&self, x: &DenseMatrix) -> Result<DenseMatrix, BasisError> {
+    pub(crate) fn mass_times(&self, x: &DenseMatrix) -> Result<DenseMatrix, BasisError> {
         let mut product = DenseMatrix::zeros(x.rows(), x.columns());
         for k in 0..x.columns() {
             let mx = self.mass.multiply(x.column(k));

@@ -208,11 +208,8 @@ pub(super) fn search<'a>(
     let energy = match measured_in_parts(domain, operator, &parameters, &attempt) {
         true => None,
         false => {
-            let mesh = match domain {
-                Domain::Surface(mesh) if parts::has_cotangents(operator) => Some(mesh),
-                _ => None,
-            };
-            Some(Energy::on(mesh, problem, operator.floor, monitor).map_err(CertificateError::from)?)
+            let triangles = parts::cotangents(domain, operator);
+            Some(Energy::on(triangles, problem, operator.floor, monitor).map_err(CertificateError::from)?)
         }
     };
     let judge = |attempt: &mut Attempt| match &energy {

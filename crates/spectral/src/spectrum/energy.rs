@@ -34,6 +34,7 @@ pub(super) use corrections::Corrections;
 pub use direct::{FACTOR_BYTES, MOST_FACTORED};
 use forest::Forest;
 pub use measure::Measure;
+pub use obtuse::Cotangents;
 use obtuse::Obtuse;
 pub(super) use part::{PairShare, measures};
 use rows::{Enclosed, Enclosure, PairResidual, Residuals, Trees, rounding_weights};
@@ -45,7 +46,6 @@ use chladni_algebra::{
     Patch, RowLifter, SparseMatrix, by_patch, compact_order,
 };
 use chladni_base::{Cancelled, Monitor, Spare};
-use chladni_mesh::TriangleMesh;
 
 /// σ as a share of the lowest value of a panel that is not zero. Measured on igea, armadillo and rolling-stage with 500 pairs: 0.7 takes 40, 85 and
 /// 131 cycles (the last two in three rounds) where 0.3 takes 56, 104 and 152, for bounds of the same width, and estimates are closer; with 2
@@ -109,12 +109,12 @@ impl<'a> Energy<'a> {
         Self::on(None, problem, floor, monitor)
     }
 
-    /// The same where the stiffness, but for rows of vertices that are held, is that of the cotangents of `mesh`: bounds are closer where that is known.
+    /// The same where the stiffness is that of the cotangents of some triangles: bounds are closer where these are known.
     ///
     /// # Errors
     /// As [`new`](Self::new).
     pub fn on(
-        mesh: Option<&TriangleMesh>,
+        triangles: Option<Cotangents<'_>>,
         problem: &'a EigenProblem,
         floor: f64,
         monitor: &dyn Monitor,
@@ -126,7 +126,7 @@ impl<'a> Energy<'a> {
         let floor = (-floor).max(0.0);
         let hierarchy = Multigrid::new(&stiffness, &mass, floor, monitor)?;
         let rounding = rounding_weights(&stiffness, &lumped);
-        let obtuse = mesh.map(|mesh| Obtuse::of(mesh, problem, &order));
+        let obtuse = triangles.map(|triangles| Obtuse::of(triangles, problem, &order));
         let forest = Forest::below(&stiffness, &lumped, floor, hierarchy.patches(), obtuse.as_ref());
         let (own, ordered) = (order.len(), OnceLock::new());
         Ok(Self { problem, order, mass, lumped, rounding, floor, hierarchy, forest, ordered, own, coupled: None })

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::super::certificate::{KERNEL, certificate_of, gram_defect};
 use super::super::domain::Domain;
-use super::super::energy::{Energy, PairShare, measures};
+use super::super::energy::{Cotangents, Energy, PairShare, measures};
 use super::super::hsim::parts::{PartError, check_plan, fingerprint};
 use super::attempt::Attempt;
 use super::reduce::{Ritz, reduce_by};
@@ -191,8 +191,22 @@ impl<'a> Parted<'a> {
 
 /// Whether a stiffness is that of the cotangents of the mesh, but for rows of vertices that are held.
 pub(super) fn has_cotangents(operator: &MeshOperator) -> bool {
-    let of_triangles = operator.report.laplacian == Laplacian::Cotangent && operator.report.reason != Reason::Points;
-    of_triangles && operator.is_laplacian_but_for_the_held()
+    operator.report.reason != Reason::Points && is_of_cotangents(operator)
+}
+
+fn is_of_cotangents(operator: &MeshOperator) -> bool {
+    operator.report.laplacian == Laplacian::Cotangent && operator.is_laplacian_but_for_the_held()
+}
+
+/// The triangles whose cotangents a stiffness is the sum of, where it is one and they are known.
+pub(super) fn cotangents<'a>(domain: Domain<'a>, operator: &MeshOperator) -> Option<Cotangents<'a>> {
+    let Domain::Surface(mesh) = domain else { return None };
+    if operator.report.reason != Reason::Points {
+        return has_cotangents(operator).then_some(Cotangents::Surface(mesh));
+    }
+    let positions = mesh.positions.as_slice();
+    let faces = mesh.local.of(positions).filter(|_| is_of_cotangents(operator))?;
+    Some(Cotangents::Local { positions, faces })
 }
 
 /// Whether an operator is a sum over triangles that falls apart into parts, or why it is not.

@@ -1,9 +1,13 @@
 use super::*;
-use crate::operator::{Boundary, MassKind, MeshOperator, OperatorKind, OperatorParameters, assemble};
-use crate::spectrum::energy::Energy;
+use crate::operator::points::{assemble_local, local_triangles};
+use crate::operator::{
+    Boundary, EigenProblem, Laplacian, MassKind, MeshOperator, OperatorKind, OperatorParameters, assemble,
+};
+use crate::spectrum::energy::{Cotangents, Energy};
 use chladni_algebra::{CpuSolver, DenseMatrix, PATCH_ROWS, SymmetricDefiniteSolver, solve_definite};
 use chladni_base::{SplitMix64, Unwatched};
 use chladni_mesh::TriangleMesh;
+use chladni_mesh::points::once_each;
 use chladni_mesh::shape::{Shape, generate, noisy};
 
 fn operator_of(mesh: &TriangleMesh, boundary: Boundary) -> MeshOperator {
@@ -44,6 +48,42 @@ fn dense(forest: &Forest, patches: &[Patch], n: usize) -> DenseMatrix {
     matrix
 }
 
+/// The lowest eigenvalue of what a forest leaves of a stiffness.
+fn lowest_without(forest: &Forest, energy: &Energy<'_>, problem: &EigenProblem) -> f64 {
+    let n = problem.size();
+    let trees = dense(forest, energy.hierarchy.patches(), n);
+    let mut left = problem.stiffness.reordered(&energy.order).to_dense();
+    left.values_mut().iter_mut().zip(trees.values()).for_each(|(s, t)| *s -= t);
+    let identity = SparseMatrix::<f64>::identity(n).to_dense();
+    CpuSolver.lowest(left, identity, 1, &Unwatched).unwrap().values[0]
+}
+
+#[test]
+fn points_have_a_forest_below_their_stiffness_too() {
+    let mut random = SplitMix64::new(8);
+    let plate: Vec<[f64; 3]> = (0..700).map(|_| [8.0 * random.unit(), random.unit(), 0.0]).collect();
+    let crumpled = |shape, seed| noisy(&generate(shape, 600).unwrap(), 0.3, seed).unwrap().positions;
+    // On a plane all points agree on a Delaunay triangulation, which has negative weights at the rim alone.
+    for (positions, negative) in [(plate, false), (crumpled(Shape::Sphere, 1), true), (crumpled(Shape::Torus, 2), true)]
+    {
+        let points = TriangleMesh { positions, ..TriangleMesh::default() };
+        let triangles = local_triangles(&points, &Unwatched).unwrap();
+        let operator = assemble_local(&triangles, &OperatorParameters::default(), &Unwatched).unwrap();
+        assert_eq!(operator.report.laplacian, Laplacian::Cotangent);
+        let problem = operator.problem;
+        assert!(!negative || Energy::new(&problem, 0.0, &Unwatched).unwrap().forest.is_none());
+        let once = once_each(&triangles);
+        let (positions, faces) = (once.positions.as_slice(), once.local.of(&once.positions).unwrap());
+        assert_eq!(faces.len(), triangles.faces.len(), "copies count");
+        let energy = Energy::on(Some(Cotangents::Local { positions, faces }), &problem, 0.0, &Unwatched).unwrap();
+        let forest = energy.forest.as_ref().unwrap();
+        let lowest = lowest_without(forest, &energy, &problem);
+        assert!(lowest > -1e-11, "{lowest}");
+        let roots = forest.nodes.iter().filter(|node| node.row == node.parent).count();
+        assert!(roots < problem.size() / 10, "{roots} roots of {} rows", problem.size());
+    }
+}
+
 #[test]
 fn a_forest_is_below_the_stiffness_whatever_the_triangles_are_and_holds_nearly_all_rows() {
     for boundary in [Boundary::Neumann, Boundary::Dirichlet] {
@@ -52,13 +92,9 @@ fn a_forest_is_below_the_stiffness_whatever_the_triangles_are_and_holds_nearly_a
             let problem = &operator.problem;
             let n = problem.size();
             assert!(problem.stiffness.values().iter().zip(0..).any(|(&v, _)| v < 0.0));
-            let energy = Energy::on(Some(&mesh), problem, 0.0, &Unwatched).unwrap();
+            let energy = Energy::on(Some((&mesh).into()), problem, 0.0, &Unwatched).unwrap();
             let forest = energy.forest.as_ref().unwrap();
-            let trees = dense(forest, energy.hierarchy.patches(), n);
-            let mut left = problem.stiffness.reordered(&energy.order).to_dense();
-            left.values_mut().iter_mut().zip(trees.values()).for_each(|(s, t)| *s -= t);
-            let identity = SparseMatrix::<f64>::identity(n).to_dense();
-            let lowest = CpuSolver.lowest(left, identity, 1, &Unwatched).unwrap().values[0];
+            let lowest = lowest_without(forest, &energy, problem);
             assert!(lowest > -1e-11, "{boundary:?}: {lowest}");
             let roots = forest.nodes.iter().filter(|node| node.row == node.parent).count();
             assert!(roots < n / 10, "{roots} roots of {n} rows");
@@ -72,7 +108,7 @@ fn eliminating_a_forest_gives_the_norm_of_its_inverse() {
     let operator = operator_of(mesh, Boundary::Neumann);
     let problem = &operator.problem;
     let n = problem.size();
-    let energy = Energy::on(Some(mesh), problem, 0.0, &Unwatched).unwrap();
+    let energy = Energy::on(Some(mesh.into()), problem, 0.0, &Unwatched).unwrap();
     let (forest, patches) = (energy.forest.as_ref().unwrap(), energy.hierarchy.patches());
     assert!(n < PATCH_ROWS && patches.len() == 1);
     let mut random = SplitMix64::new(4);
@@ -112,7 +148,7 @@ fn negative_weights_that_nothing_is_known_of_have_no_forest() {
     let s = &fair.stiffness;
     let stiffness =
         SparseMatrix::from_sorted_parts(s.rows(), s.columns(), s.offsets().to_vec(), s.indices().to_vec(), values);
-    let well = crate::operator::EigenProblem { stiffness, ..fair };
+    let well = EigenProblem { stiffness, ..fair };
     assert!(Energy::new(&well, 0.0, &Unwatched).unwrap().forest.is_none());
     assert!(Energy::new(&well, -1.0, &Unwatched).unwrap().forest.is_some());
 }
@@ -123,7 +159,7 @@ fn bounds_by_trees_are_closer_than_those_by_the_mass_alone() {
     let operator = operator_of(&mesh, Boundary::Neumann);
     let problem = &operator.problem;
     let n = problem.size();
-    let mut energy = Energy::on(Some(&mesh), problem, 0.0, &Unwatched).unwrap();
+    let mut energy = Energy::on(Some((&mesh).into()), problem, 0.0, &Unwatched).unwrap();
     // Residuals that are rough: what sixteen smooth functions miss that are known at every fourth vertex alone.
     let values: Vec<f64> = (0..16).map(|k| 20.0 + k as f64).collect();
     let mut random = SplitMix64::new(6);

@@ -9,9 +9,34 @@ use rayon::prelude::*;
 use crate::operator::{EigenProblem, laplace};
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::intrinsic::TriangleShape;
+use chladni_mesh::points::COVERS;
 
 /// Sums of cotangents err by no more, relative to their magnitudes, and shares are rounded up by as much.
 const ROUNDED: f64 = 1e-12;
+
+/// So many times the sum of its two positive half cotangents, a triangle's cotangents differ relatively where its corners come in another order: cross
+/// products err by rounding of the longest edge's square, which over the doubled area is twice that sum.
+const CORNERS: f64 = 128.0 * f64::EPSILON;
+
+/// The triangles whose cotangents a stiffness is the sum of, but for rows of vertices that are held.
+#[derive(Debug, Clone, Copy)]
+pub enum Cotangents<'a> {
+    /// The faces of a surface.
+    Surface(&'a TriangleMesh),
+    /// Those around each of some points, which cover a surface [`COVERS`] times: copies beside each other.
+    Local {
+        /// Where the points lie.
+        positions: &'a [[f64; 3]],
+        /// A triangle as often as points have it.
+        faces: &'a [[u32; 3]],
+    },
+}
+
+impl<'a> From<&'a TriangleMesh> for Cotangents<'a> {
+    fn from(mesh: &'a TriangleMesh) -> Self {
+        Self::Surface(mesh)
+    }
+}
 
 /// What an obtuse triangle adds to the weight of an edge that may be taken, or takes from it.
 #[derive(Debug, Clone, Copy)]
@@ -29,36 +54,54 @@ pub(super) struct Obtuse {
 }
 
 impl Obtuse {
-    /// Those of the triangles of `mesh` that have no corner in another row of `problem` than the given ones. Rows are called by their places among
-    /// these; vertices that are held at zero have none.
-    pub(super) fn of(mesh: &TriangleMesh, problem: &EigenProblem, rows: &[u32]) -> Self {
+    /// Those of the `triangles` that have no corner in another row of `problem` than the given ones. Rows are called by their places among these;
+    /// vertices that are held at zero have none.
+    pub(super) fn of<'a>(triangles: impl Into<Cotangents<'a>>, problem: &EigenProblem, rows: &[u32]) -> Self {
         const HELD: u32 = u32::MAX;
         const OTHER: u32 = HELD - 1;
+        let triangles = triangles.into();
+        let (positions, faces) = match triangles {
+            Cotangents::Surface(mesh) => (mesh.positions.as_slice(), mesh.faces.as_slice()),
+            Cotangents::Local { positions, faces } => (positions, faces),
+        };
         let vertex = |row: u32| problem.unknowns.as_ref().map_or(row, |unknowns| unknowns[row as usize]) as usize;
-        let mut places = vec![HELD; mesh.positions.len()];
+        let mut places = vec![HELD; positions.len()];
         (0..problem.size() as u32).for_each(|row| places[vertex(row)] = OTHER);
         rows.iter().zip(0..).for_each(|(&row, place)| places[vertex(row)] = place);
-        let scale = laplace::power_of_two_scale(&mesh.positions).unwrap_or(1.0);
-        let changes = |face: &[u32; 3]| {
+        let scale = laplace::power_of_two_scale(positions).unwrap_or(1.0);
+        let changes = |face: &[u32; 3], copies: usize| {
             let mut changes = [None; 3];
             let corners = face.map(|vertex| places[vertex as usize]);
-            let shape = TriangleShape::of_corners(face.map(|v| mesh.positions[v as usize].map(|c| c * scale)));
+            let shape = TriangleShape::of_corners(face.map(|v| positions[v as usize].map(|c| c * scale)));
             let Some(corner) = (0..3).find(|&k| shape.half_cotangents[k] < 0.0) else { return changes };
             if shape.area == 0.0 || corners.contains(&OTHER) {
                 return changes;
             }
             let (next, last) = ((corner + 1) % 3, (corner + 2) % 3);
             let [a, b, c] = [next, last, corner].map(|k| shape.half_cotangents[k].abs());
-            let share = (c * (a + b) / (a * b) * (1.0 + ROUNDED)).min(1.0);
+            // Of points the stiffness has the corners in another order, and cotangents of a needle differ by more than rounding then.
+            let (copies, errs) = match triangles {
+                Cotangents::Surface(_) => (1.0, 0.0),
+                Cotangents::Local { .. } => (copies as f64 / COVERS, CORNERS * (a + b)),
+            };
+            let share = (c * (a + b) / (a * b) * (1.0 + ROUNDED + 4.0 * errs)).min(1.0) * (1.0 + errs);
             for (change, (opposite, amount)) in
-                changes.iter_mut().zip([(corner, c), (next, -share * a), (last, -share * b)])
+                changes.iter_mut().zip([(corner, c * (1.0 - errs)), (next, -share * a), (last, -share * b)])
             {
                 let [i, j] = [corners[(opposite + 1) % 3], corners[(opposite + 2) % 3]];
-                *change = (i != HELD && j != HELD).then_some(Change { ends: (i.min(j), i.max(j)), amount });
+                let ends = (i.min(j), i.max(j));
+                *change = (i != HELD && j != HELD).then_some(Change { ends, amount: copies * amount });
             }
             changes
         };
-        let mut changes: Vec<Change> = mesh.faces.par_iter().flat_map_iter(changes).flatten().collect();
+        let mut changes: Vec<Change> = match triangles {
+            Cotangents::Surface(_) => faces.par_iter().flat_map_iter(|face| changes(face, 1)).flatten().collect(),
+            Cotangents::Local { .. } => faces
+                .par_chunk_by(|a, b| a == b)
+                .flat_map_iter(|copies| changes(&copies[0], copies.len()))
+                .flatten()
+                .collect(),
+        };
         // By amount too, so that sums do not depend on the order of the faces.
         changes.par_sort_unstable_by(|a, b| a.ends.cmp(&b.ends).then(a.amount.total_cmp(&b.amount)));
         Self { changes }
