@@ -50,8 +50,8 @@ def eigs(
         value for each vertex, or ``{"hamiltonian": {"potential": {"curvature": {"t": …}}}}``.
     mass : {"barycentric", "voronoi", "consistent"}
         The mass matrix.
-    boundary : {"neumann", "dirichlet"}
-        What holds at the boundary of the surface.
+    boundary : {"neumann", "dirichlet", "tangential", "normal"}
+        What holds at the boundary of the surface: the first two of functions, the other two of the fields of ``"hodge"``, which run along it or across it.
     tol : float, optional
         The largest residual ``‖S x − θ M x‖ / ‖S x‖`` of a pair, 1e-10 to 0.5; chooses ``"hsim"``. Where nothing is said, `method` ``"hsim"`` has 1e-8; ``"auto"`` has 1e-2, by
         which eigenvalues are right to some 1e-4.

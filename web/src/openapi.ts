@@ -1811,7 +1811,7 @@ export interface components {
          * @description What holds at the boundary of the surface.
          * @enum {string}
          */
-        Boundary: "neumann" | "dirichlet";
+        Boundary: "neumann" | "dirichlet" | "tangential" | "normal";
         /** @description Where a picture is seen from, in the units of the mesh. Without `eye` it is fitted to the mesh, seen from a direction. */
         CameraRequest: {
             /**

@@ -44,13 +44,13 @@ pub struct SolveArguments {
     #[arg(long, value_name = "M", help_heading = "Problem")]
     at_most: Option<usize>,
 
-    /// Operator: auto, laplace, polygon, robust; volume, on the tetrahedra of a solid; graph, of the edges alone; extrinsic:T with T from 0 to 1;
-    /// hamiltonian:T with the potential T (κ1² + κ2²), or hamiltonian:@FILE with one number for each vertex
+    /// Operator: auto, laplace, polygon, robust; hodge, of tangential fields (hsim); volume, on the tetrahedra of a solid; graph, of the edges alone;
+    /// extrinsic:T with T from 0 to 1; hamiltonian:T with the potential T (κ1² + κ2²), or hamiltonian:@FILE with one number for each vertex
     #[arg(long, value_name = "OPERATOR", help_heading = "Problem")]
     operator: Option<String>,
 
-    /// Boundary condition
-    #[arg(long, value_name = "KIND", help_heading = "Problem", value_parser = ["neumann", "dirichlet"])]
+    /// Boundary condition: neumann or dirichlet of functions, tangential or normal of the fields of hodge
+    #[arg(long, value_name = "KIND", help_heading = "Problem", value_parser = ["neumann", "dirichlet", "tangential", "normal"])]
     boundary: Option<String>,
 
     /// Mass matrix
@@ -251,7 +251,11 @@ mod tests {
             for value in argument.get_possible_values() {
                 let flags = [format!("--{name}"), value.get_name().to_owned()];
                 let mut all = vec![flags[0].as_str(), flags[1].as_str()];
-                all.extend(method.iter().flat_map(|method| ["--method", method]));
+                let of_fields = ["tangential", "normal"].contains(&value.get_name().as_str());
+                match of_fields {
+                    true => all.extend(["--operator", "hodge", "--method", "hsim"]),
+                    false => all.extend(method.iter().flat_map(|method| ["--method", method])),
+                }
                 assert!(job(&all).is_ok(), "{all:?}");
             }
         }

@@ -64,6 +64,7 @@ export function eigenForm(app: App, look?: Look): HTMLElement {
   const potential = choice([["curvature", "curvature, κ₁² + κ₂²"], ["values", "the values shown"]], "curvature", () => update());
   const strength = slider("Strength", { min: -2, max: 4, step: 0.1, value: 2 }, () => {}, (value) => brief(10 ** value));
   const boundary = choice([["neumann", "natural (Neumann)"], ["dirichlet", "zero (Dirichlet)"]], "neumann", () => {});
+  const run = choice([["tangential", "fields run along it"], ["normal", "fields run across it"]], "tangential", () => {});
   const tolerances = field("Tolerance", tolerance, "Largest residual of a pair");
   const accuracies = field("Accuracy", accuracy, "Columns are added until the eigenvalues are estimated to be as accurate as this");
   const certified = h("label", { class: "row" }, certify, "prove that none is missing");
@@ -78,8 +79,10 @@ export function eigenForm(app: App, look?: Look): HTMLElement {
     strength.element.hidden = potentials.hidden || potential.value !== "values";
     t.element.hidden = operator.value !== "extrinsic" && (operator.value !== "hamiltonian" || potential.value === "values");
     boundaries.hidden = hodge();
+    runs.hidden = !hodge();
   };
   const boundaries = field("Boundary", boundary);
+  const runs = field("Boundary", run);
   update();
   /** The values on the screen, from 0 to the strength, in the unit of eigenvalues: over the area of the surface. */
   const shown = (): number[] | null => {
@@ -98,7 +101,7 @@ export function eigenForm(app: App, look?: Look): HTMLElement {
     const chosen = { extrinsic: { extrinsic: { t: value } }, hamiltonian: { hamiltonian: { potential: values ? { values } : { curvature: { t: value } } } } }[operator.value] ?? operator.value;
     // The words of the choices above are those of the server.
     return {
-      count: count.valueAsNumber, method: exact() ? "hsim" : method.value, operator: chosen, ...(hodge() ? {} : { boundary: boundary.value }),
+      count: count.valueAsNumber, method: exact() ? "hsim" : method.value, operator: chosen, boundary: hodge() ? run.value : boundary.value,
       ...(exact() ? { tolerance: Number(tolerance.value) } : {}),
       ...(!exact() && accuracy.value !== "standard" ? { accuracy: accuracy.value } : {}),
       ...(!exact() && certify.checked ? { certify: true } : {}),
@@ -108,7 +111,7 @@ export function eigenForm(app: App, look?: Look): HTMLElement {
     event.preventDefault();
     if (missing()) return app.toast("error", "Nothing is shown that can be a potential", `Show a function on the surface first, a distance for instance. It has to be finite everywhere, and on ${grouped(MOST_VALUES)} vertices at most.`);
     void app.submit("eigenbasis", parameters());
-  } }, field("Eigenpairs", count), field("Method", method), tolerances, accuracies, field("Operator", operator), potentials, strength.element, t.element, boundaries, certified,
+  } }, field("Eigenpairs", count), field("Method", method), tolerances, accuracies, field("Operator", operator), potentials, strength.element, t.element, boundaries, runs, certified,
     h("button", { class: "primary" }, "Compute"));
   const missing = () => !potentials.hidden && potential.value === "values" && !shown();
   form.append(expected(app, form, "eigenbasis", () => parameters(false), () => (missing() ? null : parameters())));

@@ -78,6 +78,10 @@ pub enum Boundary {
     Neumann,
     /// Functions vanish on the boundary: its vertices are no unknowns.
     Dirichlet,
+    /// Of fields, the operator `hodge`: they run along the boundary. `neumann` is the same there.
+    Tangential,
+    /// Of fields, the operator `hodge`: they run across the boundary.
+    Normal,
 }
 
 /// The eigenproblem that is wanted.
@@ -99,6 +103,18 @@ impl OperatorParameters {
     /// [`OperatorError::Parameter`] names what is out of range.
     pub fn check(&self) -> Result<(), OperatorError> {
         let error = |name, reason| Err(OperatorError::Parameter { name, reason });
+        match (self.boundary, &self.operator) {
+            (Boundary::Dirichlet, OperatorKind::Hodge) => {
+                let reason =
+                    "fields of \"hodge\" run along the boundary, which is \"tangential\", or across it, \"normal\"";
+                return error("boundary", reason.to_owned());
+            }
+            (Boundary::Neumann | Boundary::Dirichlet, _) | (_, OperatorKind::Hodge) => {}
+            (Boundary::Tangential | Boundary::Normal, _) => {
+                let reason = "\"tangential\" and \"normal\" are of fields, the operator \"hodge\"; functions take \"neumann\" or \"dirichlet\"";
+                return error("boundary", reason.to_owned());
+            }
+        }
         match &self.operator {
             OperatorKind::Extrinsic { t } if !(0.0..=1.0).contains(t) => {
                 error("operator.extrinsic.t", format!("must lie between 0 and 1, not be {t}"))

@@ -132,52 +132,88 @@ pub fn curl(dual: &DualGraph, frames: &FaceFrames, field: &[f64]) -> Vec<f64> {
     curl
 }
 
-/// The eigenproblem of hat functions whose eigenfunctions have the gradients of the Hodge spectrum: cotangents and lumped masses, on unit area, a row
-/// for each vertex. Second is `None`, as every function is an unknown.
-pub fn conforming_problem(mesh: &TriangleMesh, frames: &FaceFrames) -> (EigenProblem, Option<Vec<u32>>) {
-    let masses = vertex_masses(mesh, frames);
-    let functions = |f: usize| mesh.faces[f];
-    let least = 1e-14 * masses.iter().sum::<f64>() / masses.len().max(1) as f64;
-    let stiffness = stiffness_of(masses.len(), frames, 0.25, functions);
-    // Vertices without a face have no mass; a little keeps the pencil definite.
-    let mass = MassMatrix::Diagonal(masses.into_iter().map(|m| m.max(least)).collect());
-    (EigenProblem { stiffness, mass, area: frames.area(), unknowns: None }, None)
+/// An eigenproblem of functions on the surface, one of the two that the Hodge spectrum falls into.
+#[derive(Debug, Clone)]
+pub struct ScalarProblem {
+    /// Where the functions sit, and a face for each three that share one of the mesh.
+    pub places: TriangleMesh,
+    /// Their eigenproblem on unit area, lumped masses.
+    pub problem: EigenProblem,
+    /// The row of each function; beyond all rows where it has none: where it vanishes at the boundary, or no face has it.
+    pub rows: Vec<u32>,
+    /// How many eigenvalues are zero: the functions that are constant on a component.
+    pub kernel: usize,
 }
 
-/// The eigenproblem of Crouzeix–Raviart functions whose eigenfunctions have the co-gradients of the Hodge spectrum of fields that run along the
-/// boundary: boundary edges are no unknowns. Beside it the row of each edge (beyond all rows where it has none; `None` where row `i` is edge `i`),
-/// and before it the midpoints of the edges as the positions of a mesh, a face of which joins those of a face.
-#[allow(clippy::type_complexity)]
+/// The eigenproblem of hat functions whose eigenfunctions have the gradients of the Hodge spectrum: cotangents, a function for each vertex. Those of
+/// boundary vertices are unknowns where fields run along the boundary, and are none where they run across it.
+pub fn conforming_problem(
+    mesh: &TriangleMesh,
+    dual: &DualGraph,
+    frames: &FaceFrames,
+    boundary: FieldBoundary,
+) -> ScalarProblem {
+    let masses = vertex_masses(mesh, frames);
+    let mut held =
+        if boundary.divergence_sees_it() { vec![false; mesh.positions.len()] } else { boundary_of(mesh, dual).0 };
+    // Vertices without a face have neither mass nor gradient.
+    held.iter_mut().zip(&masses).for_each(|(held, mass)| *held |= !(*mass > 0.0));
+    scalar_problem(mesh, (dual, frames), (&mesh.positions, masses), &held, 0.25, |f| mesh.faces[f])
+}
+
+/// The eigenproblem of Crouzeix–Raviart functions whose eigenfunctions have the co-gradients of the Hodge spectrum: a function for each edge, in its
+/// middle. Those of boundary edges are unknowns where fields run across the boundary, and are none where they run along it.
 pub fn nonconforming_problem(
     mesh: &TriangleMesh,
     dual: &DualGraph,
     frames: &FaceFrames,
-) -> (TriangleMesh, (EigenProblem, Option<Vec<u32>>)) {
-    let (_, boundary) = boundary_of(mesh, dual);
-    let inner = boundary.iter().filter(|b| !**b).count();
-    let mut next = 0;
-    let row = |&boundary: &bool| {
-        next += u32::from(!boundary);
-        if boundary { u32::MAX } else { next - 1 }
-    };
-    let rows: Vec<u32> = boundary.iter().map(row).collect();
-    let functions = |f: usize| dual.edges(f).map(|e| rows[e as usize]);
-    let stiffness = stiffness_of(inner, frames, 1.0, functions);
-    let all = edge_masses(dual, frames);
-    let masses = all.into_iter().zip(&boundary).filter(|(_, b)| !**b).map(|(m, _)| m).collect();
-    let mut positions = vec![[0.0; 3]; inner];
+    boundary: FieldBoundary,
+) -> ScalarProblem {
+    let mut middles = vec![[0.0; 3]; dual.edge_count()];
     for (f, corners) in mesh.faces.iter().enumerate() {
-        for (k, row) in functions(f).into_iter().enumerate() {
+        for (k, edge) in dual.edges(f).into_iter().enumerate() {
             let [a, b] = [1, 2].map(|i| mesh.positions[corners[(k + i) % 3] as usize]);
-            if let Some(position) = positions.get_mut(row as usize) {
-                *position = [0, 1, 2].map(|i| 0.5 * (a[i] + b[i]));
-            }
+            middles[edge as usize] = [0, 1, 2].map(|i| 0.5 * (a[i] + b[i]));
         }
     }
-    let inside = |face: &[u32; 3]| face.iter().all(|&row| (row as usize) < inner);
-    let faces = (0..mesh.faces.len()).map(functions).filter(inside).collect();
-    let problem = EigenProblem { stiffness, mass: MassMatrix::Diagonal(masses), area: frames.area(), unknowns: None };
-    (TriangleMesh { positions, faces, ..Default::default() }, (problem, (inner < boundary.len()).then_some(rows)))
+    let held = if boundary.curl_sees_it() { vec![false; dual.edge_count()] } else { boundary_of(mesh, dual).1 };
+    scalar_problem(mesh, (dual, frames), (&middles, edge_masses(dual, frames)), &held, 1.0, |f| dual.edges(f))
+}
+
+/// The problem of three functions a face, those that are held left out.
+fn scalar_problem(
+    mesh: &TriangleMesh,
+    (dual, frames): (&DualGraph, &FaceFrames),
+    (places, masses): (&[[f64; 3]], Vec<f64>),
+    held: &[bool],
+    factor: f64,
+    functions: impl Fn(usize) -> [u32; 3],
+) -> ScalarProblem {
+    let unknowns = held.iter().filter(|held| !**held).count();
+    let mut next = 0;
+    let row = |&held: &bool| {
+        next += u32::from(!held);
+        if held { u32::MAX } else { next - 1 }
+    };
+    let rows: Vec<u32> = held.iter().map(row).collect();
+    let own = |f: usize| functions(f).map(|function| rows[function as usize]);
+    let stiffness = stiffness_of(unknowns, frames, factor, own);
+    let free = |function: &usize| !held[*function];
+    let masses = (0..held.len()).filter(free).map(|function| masses[function]).collect();
+    let positions = (0..held.len()).filter(free).map(|function| places[function]).collect();
+    let inside = |face: &[u32; 3]| face.iter().all(|&row| (row as usize) < unknowns);
+    let faces = (0..mesh.faces.len()).map(own).filter(inside).collect();
+    let (component_of, components) = dual.components();
+    let mut constant = vec![true; components];
+    for f in 0..mesh.faces.len() {
+        constant[component_of[f] as usize] &= inside(&own(f));
+    }
+    ScalarProblem {
+        places: TriangleMesh { positions, faces, ..Default::default() },
+        problem: EigenProblem { stiffness, mass: MassMatrix::Diagonal(masses), area: frames.area(), unknowns: None },
+        rows,
+        kernel: constant.iter().filter(|constant| **constant).count(),
+    }
 }
 
 /// `Σ_f factor ⟨e_i, e_j⟩ / A` for three functions a face, those beyond `size` left out.

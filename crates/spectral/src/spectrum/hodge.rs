@@ -8,11 +8,11 @@
 use chladni_algebra::{DenseMatrix, MassMatrix, PANEL_WIDTH, PanelMatrix};
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
-use chladni_mesh::dual::{DualGraph, NO_FACE};
+use chladni_mesh::dual::DualGraph;
 
 use crate::operator::EigenProblem;
 use crate::operator::frames::FaceFrames;
-use crate::operator::hodge::{conforming_problem, nonconforming_problem};
+use crate::operator::hodge::{FieldBoundary, ScalarProblem, conforming_problem, nonconforming_problem};
 
 use super::hsim::{self, Eigenpairs, HsimError, HsimParameters, InertiaCount, LevelReport, Wanted};
 
@@ -51,31 +51,41 @@ pub struct HodgeSpectrum {
     pub levels: Vec<LevelReport>,
 }
 
-/// Computes the lowest `count` eigenfields of a surface whose fields run along its boundary, if it has one. `harmonic` are its harmonic fields, `2F`
-/// numbers each, orthonormal on unit area; they count among the eigenfields.
+/// Computes the lowest `count` eigenfields of a surface; at its boundary, if it has one, fields run along it or across it. `harmonic` are its harmonic
+/// fields of the same boundary, `2F` numbers each, orthonormal on unit area; they count among the eigenfields.
 ///
 /// Tolerance and seed are those of `parameters`. The tolerance is that of the fields: a gradient weighs what is left of its function by frequency, so
 /// that the scalar problems are solved to less than it, and once more where that was not enough.
 ///
 /// # Errors
-/// [`HsimError`]: more fields than there are, pairs that do not converge, cancellation.
+/// [`HsimError`]: more fields than there are, pairs that do not converge, cancellation; [`HsimError::Parameter`] for fields that vanish at the boundary,
+/// which fall into no such parts.
 pub fn hodge_spectrum(
     mesh: &TriangleMesh,
     (dual, frames): (&DualGraph, &FaceFrames),
+    boundary: FieldBoundary,
     harmonic: &[Vec<f64>],
     count: usize,
     parameters: &HsimParameters,
     monitor: &dyn Monitor,
 ) -> Result<HodgeSpectrum, HsimError> {
+    if boundary == FieldBoundary::Clamped {
+        let reason = "gradients and co-gradients of clamped fields are not orthogonal".to_owned();
+        return Err(HsimError::Parameter { name: "boundary", reason });
+    }
+    let surface = (mesh, dual, frames);
+    let gradients = conforming_problem(mesh, dual, frames, boundary);
+    let co_gradients = nonconforming_problem(mesh, dual, frames, boundary);
     let (mut tolerance, mut best): (f64, Option<HodgeSpectrum>) = (parameters.tolerance, None);
     loop {
         let own = HsimParameters { tolerance, ..*parameters };
-        let found = match (spectrum_of_scalars(mesh, (dual, frames), harmonic, count, &own, monitor), best) {
-            (Ok(found), _) => found,
-            // Below what rounding allows: what there is says by its residuals how far it got.
-            (Err(HsimError::Floor { .. } | HsimError::NotConverged { .. }), Some(best)) => return Ok(best),
-            (Err(error), _) => return Err(error),
-        };
+        let found =
+            match (spectrum_of_scalars(surface, [&gradients, &co_gradients], harmonic, count, &own, monitor), best) {
+                (Ok(found), _) => found,
+                // Below what rounding allows: what there is says by its residuals how far it got.
+                (Err(HsimError::Floor { .. } | HsimError::NotConverged { .. }), Some(best)) => return Ok(best),
+                (Err(error), _) => return Err(error),
+            };
         let worst = found.residuals.iter().copied().fold(0.0, f64::max);
         let next = (0.3 * tolerance * parameters.tolerance / worst).max(LEAST_TOLERANCE);
         if worst <= parameters.tolerance || !(next < tolerance) {
@@ -90,8 +100,8 @@ const LEAST_TOLERANCE: f64 = 1e-10;
 
 /// The same with the tolerance for the scalar problems.
 fn spectrum_of_scalars(
-    mesh: &TriangleMesh,
-    (dual, frames): (&DualGraph, &FaceFrames),
+    (mesh, dual, frames): (&TriangleMesh, &DualGraph, &FaceFrames),
+    [gradients, co_gradients]: [&ScalarProblem; 2],
     harmonic: &[Vec<f64>],
     count: usize,
     parameters: &HsimParameters,
@@ -101,16 +111,8 @@ fn spectrum_of_scalars(
     if count > 2 * faces {
         return Err(HsimError::Count { wanted: count, most: 2 * faces });
     }
-    let (component_of, components) = dual.components();
-    let mut open = vec![false; components];
-    for &[face, other] in dual.edge_faces() {
-        open[component_of[face as usize] as usize] |= other == NO_FACE;
-    }
-    let gradients = Scalar::new(mesh, conforming_problem(mesh, frames), components);
-    let (middles, problem) = nonconforming_problem(mesh, dual, frames);
-    let co_gradients = Scalar::new(&middles, problem, open.iter().filter(|open| !**open).count());
     let positive = count.saturating_sub(harmonic.len());
-    let (first, second) = merged(&gradients, &co_gradients, positive, parameters, monitor)?;
+    let (first, second) = merged(gradients, co_gradients, positive, parameters, monitor)?;
     monitor.stage("fields");
     let mut all: Vec<(f64, FieldPart, usize)> =
         (0..harmonic.len().min(count)).map(|k| (0.0, FieldPart::Harmonic, k)).collect();
@@ -130,7 +132,7 @@ fn spectrum_of_scalars(
         residuals: Vec::with_capacity(all.len()),
         bounds: Vec::with_capacity(all.len()),
         orthonormality_defect: first.orthonormality_defect.max(second.orthonormality_defect),
-        complete: gradients.proven(&first) && co_gradients.proven(&second),
+        complete: proven(gradients, &first) && proven(co_gradients, &second),
         inertia: [first.inertia.clone(), second.inertia.clone()],
         levels: [first.levels.clone(), second.levels.clone()].concat(),
     };
@@ -145,8 +147,8 @@ fn spectrum_of_scalars(
                 spectrum.bounds.push(0.0);
                 continue;
             }
-            FieldPart::Gradient => (&|f| mesh.faces[f], &first),
-            FieldPart::CoGradient => (&|f| dual.edges(f).map(|e| co_gradients_row(&co_gradients.rows, e)), &second),
+            FieldPart::Gradient => (&|f| mesh.faces[f].map(|vertex| gradients.rows[vertex as usize]), &first),
+            FieldPart::CoGradient => (&|f| dual.edges(f).map(|edge| co_gradients.rows[edge as usize]), &second),
         };
         let u = pairs.vectors.column(k);
         // On unit area ∇λ = J e / 2A and J ∇ψ = e / A; the norm of a gradient is √λ, which does not depend on scale.
@@ -181,11 +183,6 @@ fn spectrum_of_scalars(
     Ok(spectrum)
 }
 
-/// The row of an edge among the unknowns; beyond all rows where it is none.
-fn co_gradients_row(rows: &Option<Vec<u32>>, edge: u32) -> u32 {
-    rows.as_ref().map_or(edge, |rows| rows[edge as usize])
-}
-
 /// `‖S x − θ M x‖ / ‖S x‖` of the field of a function: with `S = M_F G M⁻¹ Gᵀ M_F` on gradients both are norms of `M_F G` times functions.
 fn residual(problem: &EigenProblem, u: &[f64], value: f64, norm: impl Fn(&[f64]) -> f64) -> f64 {
     let MassMatrix::Diagonal(masses) = &problem.mass else { return f64::INFINITY };
@@ -195,72 +192,62 @@ fn residual(problem: &EigenProblem, u: &[f64], value: f64, norm: impl Fn(&[f64])
     (norm(&rest) / norm(&applied).max(f64::MIN_POSITIVE)).sqrt()
 }
 
-/// A scalar problem on points.
-struct Scalar {
-    mesh: TriangleMesh,
-    problem: EigenProblem,
-    /// How many eigenvalues are zero.
-    kernel: usize,
-    /// The row of each edge, where boundary edges are none.
-    rows: Option<Vec<u32>>,
+/// The lowest pairs of one of the problems, kernel included.
+fn solve(
+    scalar: &ScalarProblem,
+    count: usize,
+    parameters: &HsimParameters,
+    monitor: &dyn Monitor,
+) -> Result<Eigenpairs, HsimError> {
+    if scalar.problem.size() == 0 {
+        return Ok(nothing());
+    }
+    let wanted = Wanted::Count((count + scalar.kernel).clamp(1, scalar.problem.size()));
+    hsim::solve(&scalar.places, &scalar.problem, &HsimParameters { wanted, ..*parameters }, false, monitor)
 }
 
-impl Scalar {
-    fn new(mesh: &TriangleMesh, (problem, rows): (EigenProblem, Option<Vec<u32>>), kernel: usize) -> Self {
-        Self { mesh: mesh.clone(), problem, kernel, rows }
+/// The pairs of a problem without unknowns: of a triangle all of whose edges are boundary, say.
+fn nothing() -> Eigenpairs {
+    Eigenpairs {
+        values: Vec::new(),
+        vectors: PanelMatrix::zeros(0, 0),
+        residuals: Vec::new(),
+        bounds: Vec::new(),
+        orthonormality_defect: 0.0,
+        inertia: Vec::new(),
+        first: 0,
+        on_bounds: Vec::new(),
+        cut: None,
+        levels: Vec::new(),
+        space: None,
     }
+}
 
-    /// The lowest pairs, kernel included.
-    fn solve(&self, count: usize, parameters: &HsimParameters, monitor: &dyn Monitor) -> Result<Eigenpairs, HsimError> {
-        if self.problem.size() == 0 {
-            return Ok(self.nothing());
-        }
-        let wanted = Wanted::Count((count + self.kernel).clamp(1, self.problem.size()));
-        hsim::solve(&self.mesh, &self.problem, &HsimParameters { wanted, ..*parameters }, false, monitor)
-    }
-
-    /// The pairs of a problem without unknowns: of a triangle all of whose edges are boundary, say.
-    fn nothing(&self) -> Eigenpairs {
-        Eigenpairs {
-            values: Vec::new(),
-            vectors: PanelMatrix::zeros(self.mesh.positions.len(), 0),
-            residuals: Vec::new(),
-            bounds: Vec::new(),
-            orthonormality_defect: 0.0,
-            inertia: Vec::new(),
-            first: 0,
-            on_bounds: Vec::new(),
-            cut: None,
-            levels: Vec::new(),
-            space: None,
-        }
-    }
-
-    fn proven(&self, pairs: &Eigenpairs) -> bool {
-        self.problem.size() == 0 || crate::basis::completeness(0, &pairs.values, &pairs.inertia) == Some(true)
-    }
+/// Whether counts prove that no pair is missing.
+fn proven(scalar: &ScalarProblem, pairs: &Eigenpairs) -> bool {
+    scalar.problem.size() == 0 || crate::basis::completeness(0, &pairs.values, &pairs.inertia) == Some(true)
 }
 
 /// The lowest pairs of both problems, of each at least as many as belong to the lowest `count` positive ones of both.
 fn merged(
-    first: &Scalar,
-    second: &Scalar,
+    first: &ScalarProblem,
+    second: &ScalarProblem,
     count: usize,
     parameters: &HsimParameters,
     monitor: &dyn Monitor,
 ) -> Result<(Eigenpairs, Eigenpairs), HsimError> {
     // By Weyl's law half of them come from either.
     let share = count.div_ceil(2) + count / 20 + 4;
-    let (mut a, mut b) = (first.solve(share, parameters, monitor)?, second.solve(share, parameters, monitor)?);
+    let (mut a, mut b) = (solve(first, share, parameters, monitor)?, solve(second, share, parameters, monitor)?);
     loop {
         monitor.checkpoint()?;
-        let all = |pairs: &Eigenpairs, scalar: &Scalar| pairs.values.len() == scalar.problem.size();
-        let end = |pairs: &Eigenpairs, scalar: &Scalar| {
+        let all = |pairs: &Eigenpairs, scalar: &ScalarProblem| pairs.values.len() == scalar.problem.size();
+        let end = |pairs: &Eigenpairs, scalar: &ScalarProblem| {
             if all(pairs, scalar) { f64::INFINITY } else { pairs.values.last().copied().unwrap_or(0.0) }
         };
         let (end_a, end_b) = (end(&a, first), end(&b, second));
         let reach = end_a.min(end_b);
-        let below = |pairs: &Eigenpairs, scalar: &Scalar| {
+        let below = |pairs: &Eigenpairs, scalar: &ScalarProblem| {
             pairs.values.iter().skip(scalar.kernel).filter(|&&value| value <= reach).count()
         };
         let have = below(&a, first) + below(&b, second);
@@ -269,9 +256,9 @@ fn merged(
         }
         let more = count - have + 8;
         if end_a <= end_b {
-            a = first.solve(a.values.len() - first.kernel + more, parameters, monitor)?;
+            a = solve(first, a.values.len() - first.kernel + more, parameters, monitor)?;
         } else {
-            b = second.solve(b.values.len() - second.kernel + more, parameters, monitor)?;
+            b = solve(second, b.values.len() - second.kernel + more, parameters, monitor)?;
         }
     }
 }

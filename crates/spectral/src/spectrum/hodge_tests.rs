@@ -8,26 +8,71 @@ use crate::operator::hodge::FieldBoundary;
 use crate::operator::tangential::FieldOperator;
 use crate::operator::transport::FieldKind;
 
-fn operator(surface: &FieldSurface) -> FieldOperator<2> {
+fn operator_of(surface: &FieldSurface, boundary: FieldBoundary) -> FieldOperator<2> {
     let (mesh, dual, frames) = (surface.mesh(), surface.dual(), surface.frames());
-    FieldOperator::assemble(FieldKind::Vector {}, mesh, dual, frames, FieldBoundary::Tangential).unwrap()
+    FieldOperator::assemble(FieldKind::Vector {}, mesh, dual, frames, boundary).unwrap()
+}
+
+fn operator(surface: &FieldSurface) -> FieldOperator<2> {
+    operator_of(surface, FieldBoundary::Tangential)
+}
+
+fn spectrum_of(surface: &FieldSurface, boundary: FieldBoundary, count: usize, tolerance: f64) -> HodgeSpectrum {
+    let harmonic = harmonic_fields(surface, boundary, &Unwatched).unwrap();
+    let parameters = HsimParameters { tolerance, ..HsimParameters::default() };
+    let parts = (surface.dual(), surface.frames());
+    hodge_spectrum(surface.mesh(), parts, boundary, &harmonic, count, &parameters, &Unwatched).unwrap()
 }
 
 fn spectrum(surface: &FieldSurface, count: usize, tolerance: f64) -> HodgeSpectrum {
-    let harmonic = harmonic_fields(surface, FieldBoundary::Tangential, &Unwatched).unwrap();
-    let parameters = HsimParameters { tolerance, ..HsimParameters::default() };
-    let parts = (surface.dual(), surface.frames());
-    hodge_spectrum(surface.mesh(), parts, &harmonic, count, &parameters, &Unwatched).unwrap()
+    spectrum_of(surface, FieldBoundary::Tangential, count, tolerance)
+}
+
+/// A shape without the faces all of whose corners are dropped.
+fn without(shape: Shape, vertices: usize, drop: fn([f64; 3]) -> bool) -> TriangleMesh {
+    let mut mesh = noisy(&generate(shape, vertices).unwrap(), 0.1, 2).unwrap();
+    let positions = mesh.positions.clone();
+    mesh.faces.retain(|f| !f.iter().all(|&v| drop(positions[v as usize])));
+    let mut number = vec![u32::MAX; positions.len()];
+    mesh.positions.clear();
+    for v in mesh.faces.as_flattened_mut() {
+        let new = &mut number[*v as usize];
+        if *new == u32::MAX {
+            *new = mesh.positions.len() as u32;
+            mesh.positions.push(positions[*v as usize]);
+        }
+        *v = *new;
+    }
+    mesh
 }
 
 #[test]
 fn the_union_of_the_scalar_spectra_is_that_of_the_assembled_operator() {
-    for (shape, vertices, kernel) in [(Shape::Sphere, 162, 0), (Shape::Torus, 200, 2), (Shape::Disk, 150, 0)] {
-        let mut mesh = noisy(&generate(shape, vertices).unwrap(), 0.1, 2).unwrap();
+    use FieldBoundary::{Normal, Tangential};
+    let annulus = || without(Shape::Sphere, 362, |p| p[2].abs() > 0.5);
+    let handle = || without(Shape::Torus, 300, |p| p[0] > 1.1 && p[1].abs() < 0.4);
+    let parts = || {
+        // One closed, one open, each with a kernel of its own.
+        chladni_mesh::fixtures::union(&[generate(Shape::Sphere, 42).unwrap(), without(Shape::Disk, 150, |_| false)])
+    };
+    for (shape, mesh, boundary, kernel) in [
+        ("sphere", without(Shape::Sphere, 162, |_| false), Tangential, 0),
+        ("sphere", without(Shape::Sphere, 162, |_| false), Normal, 0),
+        ("torus", without(Shape::Torus, 200, |_| false), Tangential, 2),
+        ("disk", without(Shape::Disk, 150, |_| false), Tangential, 0),
+        ("disk", without(Shape::Disk, 150, |_| false), Normal, 0),
+        ("annulus", annulus(), Tangential, 1),
+        ("annulus", annulus(), Normal, 1),
+        ("torus with a hole", handle(), Tangential, 2),
+        ("torus with a hole", handle(), Normal, 2),
+        ("sphere and disk", parts(), Normal, 0),
+    ] {
+        let mut mesh = mesh;
         mesh.positions.iter_mut().flatten().for_each(|x| *x *= 3.0);
         let surface = FieldSurface::new(mesh).unwrap();
-        let (operator, m) = (operator(&surface), 40);
-        let found = spectrum(&surface, m, 1e-8);
+        let (operator, m) = (operator_of(&surface, boundary), 40);
+        let found = spectrum_of(&surface, boundary, m, 1e-8);
+        let shape = format!("{shape}, {boundary:?}");
         let mass: Vec<f64> = operator.mass.iter().flat_map(|&m| [m; 2]).collect();
         let mut dense = DenseMatrix::zeros(mass.len(), mass.len());
         mass.iter().enumerate().for_each(|(i, &m)| dense.column_mut(i)[i] = m);
@@ -58,6 +103,9 @@ fn a_triangle_has_two_fields_and_both_are_gradients() {
         let surface = FieldSurface::new(mesh).unwrap();
         let (operator, m) = (operator(&surface), 2 * surface.faces());
         let found = spectrum(&surface, m, 1e-8);
+        // Across the boundary all are co-gradients, as no vertex is within.
+        let across = spectrum_of(&surface, FieldBoundary::Normal, m, 1e-8);
+        assert!(across.complete && across.parts.iter().all(|part| *part == FieldPart::CoGradient));
         let mut mass = DenseMatrix::zeros(m, m);
         (0..m).for_each(|i| mass.column_mut(i)[i] = operator.mass[i / 2]);
         let expected = CpuSolver.lowest(operator.stiffness.to_sparse().to_dense(), mass, m, &Unwatched).unwrap();
@@ -110,4 +158,13 @@ fn residuals_of_fields_keep_the_tolerance() {
             assert!(found.inertia.iter().all(|counts| !counts.is_empty()));
         }
     }
+}
+
+#[test]
+fn fields_that_vanish_at_the_boundary_fall_into_no_two_parts() {
+    let surface = FieldSurface::new(generate(Shape::Disk, 150).unwrap()).unwrap();
+    let (parts, parameters) = ((surface.dual(), surface.frames()), HsimParameters::default());
+    let refused =
+        hodge_spectrum(surface.mesh(), parts, FieldBoundary::Clamped, &[], 10, &parameters, &Unwatched).unwrap_err();
+    assert!(matches!(refused, HsimError::Parameter { name: "boundary", .. }), "{refused}");
 }

@@ -12,7 +12,7 @@ use crate::operator::elastic::ElasticProblem;
 use crate::operator::hodge::{FieldBoundary, hodge_problem};
 
 /// Judges eigenfields by the Hodge–Laplacian on the faces, two numbers each in the frame of the face, with the areas of the faces as its mass: that
-/// of both divergence and curl, from which eigenfields are not computed. Fields run along the boundary. Counts of the certificate are of two problems
+/// of both divergence and curl, from which eigenfields are not computed. Counts of the certificate are of two problems
 /// of functions; one is made here of that of fields, in a gap. Stages: `operator`, `residuals`, `orthonormality`, `count`.
 ///
 /// # Errors
@@ -20,11 +20,12 @@ use crate::operator::hodge::{FieldBoundary, hodge_problem};
 pub fn verify_fields(
     basis: &Basis,
     surface: &FieldSurface,
+    boundary: FieldBoundary,
     monitor: &dyn Monitor,
 ) -> Result<Verification, VerifyError> {
     monitor.stage("operator");
     let (dual, frames) = (surface.dual(), surface.frames());
-    let problem = hodge_problem(surface.mesh(), dual, frames, FieldBoundary::Tangential);
+    let problem = hodge_problem(surface.mesh(), dual, frames, boundary);
     monitor.checkpoint()?;
     let lowest =
         basis.eigenvalues.iter().find(|value| **value > 0.0).map_or(f64::INFINITY, |value| value * problem.area);

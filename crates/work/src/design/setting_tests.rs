@@ -120,3 +120,19 @@ fn a_field_of_the_surface_is_refused_nothing_that_only_the_basis_is_too_small_fo
     let refused = setting.design(&request(twice), &Unwatched).err().unwrap();
     assert!(!refused.lacks_freedom(), "{refused}");
 }
+
+#[test]
+fn exact_directions_that_crowd_one_place_are_refused_with_strokes_as_the_way_out() {
+    // 56 faces beside each other are 112 numbers of 120 dimensions, of which few are there.
+    let crowd: Vec<Value> = (0..56)
+        .map(|face: u32| json!({"face": face, "frame_direction": [f64::from(face).sin(), f64::from(3 * face).cos()]}))
+        .collect();
+    let refused =
+        setting().design(&request(json!({"constraints": crowd, "space": "basis"})), &Unwatched).err().unwrap();
+    assert!(matches!(refused, DesignFault::Design(DesignError::Dependent { face }) if face < 56), "{refused}");
+    let told = refused.to_string();
+    assert!(told.contains("a larger basis may do, or strokes in place of some of them"), "{told}");
+    // The same as strokes.
+    let strokes = json!({"constraints": [], "strokes": crowd, "space": "basis"});
+    assert!(setting().design(&request(strokes), &Unwatched).is_ok());
+}

@@ -5,7 +5,7 @@ use chladni_mesh::TriangleMesh;
 use chladni_spectral::basis::{Basis, Certificate, DenseFunctions, Functions, Precision};
 use chladni_spectral::field::{FieldSurface, HarmonicError, PoissonError, harmonic_fields};
 use chladni_spectral::operator::hodge::{FieldBoundary, hodge_problem};
-use chladni_spectral::operator::{Boundary, MassKind, MassMatrix, OperatorError, OperatorParameters};
+use chladni_spectral::operator::{MassKind, MassMatrix, OperatorError, OperatorParameters};
 use chladni_spectral::spectrum::hodge::{FieldPart, hodge_spectrum};
 use chladni_spectral::spectrum::hsim::{HsimError, HsimParameters, Variant, Wanted};
 
@@ -26,9 +26,6 @@ pub fn check(method: &Method, operator: &OperatorParameters) -> Result<(), Param
         (_, Wanted::Between { .. }, _) => Some(("between", "the operator \"hodge\" takes a count")),
         (_, _, StorageKind::Compact) => Some(("storage", "eigenfields of \"hodge\" are stored densely")),
         _ if operator.mass != MassKind::Barycentric => Some(("mass", "the operator \"hodge\" has a mass of its own")),
-        _ if operator.boundary != Boundary::Neumann => {
-            Some(("boundary", "fields of \"hodge\" run along the boundary, which is \"neumann\""))
-        }
         _ => None,
     };
     refusal.map_or(Ok(()), |(name, reason)| Err(value(name, reason.to_owned())))
@@ -50,20 +47,26 @@ pub fn memory_bytes(exact: &Exact, vertices: u64, faces: u64) -> u64 {
 }
 
 /// Computes the basis: `2F` rows, two for each face in its frame, with the area of the face as the mass of both.
-pub fn run(exact: &Exact, mesh: &TriangleMesh, seed: u64, monitor: &dyn Monitor) -> Result<Basis, JobError> {
+pub fn run(
+    exact: &Exact,
+    mesh: &TriangleMesh,
+    boundary: FieldBoundary,
+    seed: u64,
+    monitor: &dyn Monitor,
+) -> Result<Basis, JobError> {
     monitor.stage("operator");
     let refused = |reason: String| JobError::Operator(OperatorError::Parameter { name: "operator", reason });
     let surface = FieldSurface::new(mesh.clone()).map_err(|error| refused(error.to_string()))?;
     monitor.checkpoint()?;
     monitor.stage("harmonic");
-    let harmonic = harmonic_fields(&surface, FieldBoundary::Tangential, monitor).map_err(|error| match error {
+    let harmonic = harmonic_fields(&surface, boundary, monitor).map_err(|error| match error {
         HarmonicError::Poisson(PoissonError::Cancelled(cancelled)) => JobError::Cancelled(cancelled),
         other => refused(other.to_string()),
     })?;
     let (dual, frames) = (surface.dual(), surface.frames());
     let count = exact.most_pairs();
     let parameters = HsimParameters { seed, ..exact.solver };
-    let mut found = hodge_spectrum(mesh, (dual, frames), &harmonic, count, &parameters, monitor)?;
+    let mut found = hodge_spectrum(mesh, (dual, frames), boundary, &harmonic, count, &parameters, monitor)?;
     if found.values.len() < count {
         return Err(HsimError::Count { wanted: count, most: found.values.len() }.into());
     }
@@ -84,7 +87,7 @@ pub fn run(exact: &Exact, mesh: &TriangleMesh, seed: u64, monitor: &dyn Monitor)
     }});
     let precision = exact.precision.unwrap_or(Precision::F64);
     if precision == Precision::F32 {
-        let problem = hodge_problem(mesh, dual, frames, FieldBoundary::Tangential);
+        let problem = hodge_problem(mesh, dual, frames, boundary);
         found.residuals = residuals_as_stored((&found.fields, &found.values, &found.residuals), &problem, monitor)?;
     }
     let area = frames.area();
@@ -135,6 +138,33 @@ mod tests {
             assert!(most >= basis.metadata["operator"]["hodge"][part].as_u64().unwrap() + kernel, "{part}: {counts:?}");
         }
         assert!(basis.eigenvalues[1] == 0.0 && basis.eigenvalues[2] > 0.0);
+        // Along a boundary and across it: other fields, each with its own name, of which one is that of functions too.
+        let mut annulus = generate(Shape::Rectangle, 300).unwrap();
+        let plate = annulus.clone();
+        annulus.faces.retain(|f| {
+            let centre = [0, 1].map(|i| f.iter().map(|&v| plate.positions[v as usize][i]).sum::<f64>() / 3.0);
+            (centre[0] - 0.8).abs() > 0.2 || (centre[1] - 0.5).abs() > 0.2
+        });
+        let of = |boundary: &str| {
+            let json =
+                json!({"operator": "hodge", "method": "hsim", "count": 6, "tolerance": 1e-6, "boundary": boundary});
+            EigenbasisParameters::parse(&json).unwrap()
+        };
+        let [along, across] = ["tangential", "normal"].map(|boundary| of(boundary).run(&annulus, &Unwatched).unwrap());
+        for basis in [&along, &across] {
+            assert_eq!(basis.metadata["operator"]["hodge"]["harmonic"], 1);
+            assert!(basis.certificate.complete == Some(true) && basis.eigenvalues[0] == 0.0);
+        }
+        assert!((across.eigenvalues[1] / along.eigenvalues[1] - 1.0).abs() > 1e-6);
+        assert_eq!(of("tangential"), of("neumann"));
+        for (basis, boundary) in [(&along, "tangential"), (&across, "normal")] {
+            let judged = |parameters: &EigenbasisParameters| {
+                crate::verification::judge(basis, &annulus, None, parameters, &Unwatched).unwrap().findings
+            };
+            assert!(judged(&of(boundary)).is_empty(), "{boundary}: {:?}", judged(&of(boundary)));
+            let other = if boundary == "normal" { "tangential" } else { "normal" };
+            assert!(!judged(&of(other)).is_empty(), "{boundary} as {other}");
+        }
         // More fields than there are; a surface that is none.
         let all = EigenbasisParameters::parse(&json!({"operator": "hodge", "method": "hsim", "count": 2000})).unwrap();
         assert!(all.run(&mesh, &Unwatched).is_err());

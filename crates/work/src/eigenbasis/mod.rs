@@ -15,8 +15,9 @@ use chladni_base::Monitor;
 use chladni_mesh::points::{are_points, once_each};
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::{Basis, Product};
+use chladni_spectral::operator::hodge::FieldBoundary;
 use chladni_spectral::operator::{
-    self, MassKind, MeshOperator, OperatorError, OperatorKind, OperatorParameters, Potential, points,
+    self, Boundary, MassKind, MeshOperator, OperatorError, OperatorKind, OperatorParameters, Potential, points,
 };
 use chladni_spectral::spectrum::heat::HeatParameters;
 use serde_json::Value;
@@ -123,6 +124,10 @@ impl EigenbasisParameters {
         operator.check()?;
         if operator.operator == OperatorKind::Hodge {
             hodge::check(&method, &operator)?;
+            // Two words for one condition; equal work has equal parameters.
+            if operator.boundary == Boundary::Tangential {
+                operator.boundary = Boundary::Neumann;
+            }
         }
         if nested::is_nested(&operator.operator) {
             nested::check(&method, &operator)?;
@@ -242,6 +247,11 @@ impl EigenbasisParameters {
         self.operator.operator == OperatorKind::Hodge
     }
 
+    /// What eigenfields do at a boundary.
+    pub(crate) fn field_boundary(&self) -> FieldBoundary {
+        if self.operator.boundary == Boundary::Normal { FieldBoundary::Normal } else { FieldBoundary::Tangential }
+    }
+
     /// The same for operators that act on something else than a surface: the vertices of a solid, or of a graph.
     fn is_nested(&self) -> bool {
         nested::is_nested(&self.operator.operator)
@@ -322,7 +332,7 @@ impl EigenbasisParameters {
             self.operator.check_points()?;
         }
         if let (true, Method::Exact(exact)) = (self.is_hodge(), &self.method) {
-            let mut basis = hodge::run(exact, mesh, self.seed, monitor)?;
+            let mut basis = hodge::run(exact, mesh, self.field_boundary(), self.seed, monitor)?;
             if solid.is_some() {
                 basis.metadata["operator"]["domain"] = "surface_of_solid".into();
             }
