@@ -251,7 +251,7 @@ mod tests {
             for value in argument.get_possible_values() {
                 let flags = [format!("--{name}"), value.get_name().to_owned()];
                 let mut all = vec![flags[0].as_str(), flags[1].as_str()];
-                let of_fields = ["tangential", "normal"].contains(&value.get_name().as_str());
+                let of_fields = ["tangential", "normal"].contains(&value.get_name());
                 match of_fields {
                     true => all.extend(["--operator", "hodge", "--method", "hsim"]),
                     false => all.extend(method.iter().flat_map(|method| ["--method", method])),

@@ -83,15 +83,10 @@ impl Run {
         );
         let certificate = &self.basis.certificate;
         let pairs = grouped(self.basis.eigenvalues.len());
-        let method = self.basis.metadata["method"].as_str().unwrap_or_default();
-        let details: Vec<String> = ["construction", "variant", "start"]
-            .into_iter()
-            .map(word)
-            .filter(|word| !word.is_empty())
-            .fold(vec![method.to_owned()], |mut details, word| {
-                details.push(word);
-                details
-            });
+        // Eigenfields have no name of a method of their own.
+        let method = self.basis.metadata["method"].as_str().unwrap_or_default().to_owned();
+        let words = ["construction", "variant", "start"].into_iter().map(word);
+        let details: Vec<String> = [method].into_iter().chain(words).filter(|word| !word.is_empty()).collect();
         let details = details.join(", ");
         text += &match (certificate.tolerance, certificate.accuracy) {
             (Some(tolerance), _) => format!("{pairs} eigenpairs to a tolerance of {tolerance:e} ({details})\n\n"),
