@@ -42,8 +42,8 @@ pub struct Removed {
 const LOOK_MS: i64 = 60 * 1000;
 /// Deletions of one look and one bound, so that writers get their turn.
 const AT_ONCE: i64 = 100;
-/// Looks of one turn: other duties wait meanwhile.
-const MOST_LOOKS: usize = 20;
+/// Looks of one turn: expired leases and other duties wait meanwhile, and the next turn goes on.
+const MOST_LOOKS: usize = 4;
 
 /// Bases that no unfinished job makes anew or needs. What parts make goes with the jobs that they are parts of.
 const FREE_BASES: &str = "FROM bases WHERE bases.kind <> 'eigenbasis_part' AND NOT EXISTS
@@ -62,7 +62,7 @@ const FREE_JOBS: &str =
     AND NOT EXISTS (SELECT 1 FROM bases WHERE bases.job = jobs.id)";
 
 impl Store {
-    /// Looks at what is kept once a minute, until nothing is beyond the bounds.
+    /// Looks at what is kept once a minute, and from turn to turn until nothing is beyond the bounds.
     pub(super) async fn retain_in_turn(&self) -> Result<(), StoreError> {
         let now_ms = self.now_ms();
         if (now_ms - self.inner.retained_ms.load(Ordering::Relaxed)).abs() < LOOK_MS {

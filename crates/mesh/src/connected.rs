@@ -5,21 +5,52 @@
 /// # Panics
 /// Where a face names a vertex that is none.
 pub fn components(vertices: usize, faces: &[[u32; 3]]) -> Vec<u32> {
-    let mut parent: Vec<u32> = (0..vertices as u32).collect();
-    fn root(parent: &mut [u32], mut v: u32) -> u32 {
-        while parent[v as usize] != v {
-            parent[v as usize] = parent[parent[v as usize] as usize];
-            v = parent[v as usize];
-        }
-        v
+    let mut components = Components::new(vertices);
+    for &[a, b, c] in faces {
+        components.join(a, b);
+        components.join(a, c);
     }
-    for face in faces {
-        for other in [face[1], face[2]] {
-            let (a, b) = (root(&mut parent, face[0]), root(&mut parent, other));
-            parent[a.max(b) as usize] = a.min(b);
-        }
+    (0..vertices as u32).map(|v| components.root(v)).collect()
+}
+
+/// Members that are joined until components remain, each known by its least member (union by least member, with path halving).
+#[derive(Debug)]
+pub struct Components {
+    parents: Vec<u32>,
+}
+
+impl Components {
+    /// Members `0..members`, each a component of its own.
+    pub fn new(members: usize) -> Self {
+        Self { parents: (0..members as u32).collect() }
     }
-    (0..vertices as u32).map(|v| root(&mut parent, v)).collect()
+
+    /// The least member of the component of one.
+    ///
+    /// # Panics
+    /// Where it is no member.
+    pub fn root(&mut self, mut member: u32) -> u32 {
+        while self.parents[member as usize] != member {
+            let grandparent = self.parents[self.parents[member as usize] as usize];
+            self.parents[member as usize] = grandparent;
+            member = grandparent;
+        }
+        member
+    }
+
+    /// Makes one component of those of two members.
+    ///
+    /// # Panics
+    /// Where one is no member.
+    pub fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.root(a), self.root(b));
+        self.parents[a.max(b) as usize] = a.min(b);
+    }
+
+    /// The least member of each component, ascending.
+    pub fn roots(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.parents.len()).filter(|&v| self.parents[v] as usize == v)
+    }
 }
 
 #[cfg(test)]

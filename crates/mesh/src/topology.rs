@@ -2,6 +2,7 @@
 //!
 //! Half-edge `3f + c` of face `f` runs from its corner `c` to the next one. Nothing here looks at positions.
 
+use super::connected::Components;
 use super::report::Tally;
 use rayon::prelude::*;
 
@@ -213,7 +214,8 @@ impl Topology {
             edges,
             boundary_edges,
             boundary_loops: boundary_loops(faces, &twins, boundary_edges),
-            components: components.count(&valences),
+            // Those that hold a vertex with faces.
+            components: components.roots().filter(|&v| valences[v] > 0).count(),
             non_manifold_edges: tally(&non_manifold),
             non_manifold_vertices,
             inconsistent_edges: tally(&inconsistent),
@@ -336,40 +338,6 @@ fn boundary_loops(faces: &[[u32; 3]], twins: &[u32], boundary_edges: usize) -> u
         }
     }
     chains.roots().count()
-}
-
-/// Sets that are joined until components remain (union by least member, with path halving).
-pub(super) struct Components {
-    parents: Vec<u32>,
-}
-
-impl Components {
-    pub(super) fn new(members: usize) -> Self {
-        Self { parents: (0..members as u32).collect() }
-    }
-
-    fn root(&mut self, mut member: u32) -> u32 {
-        while self.parents[member as usize] != member {
-            let grandparent = self.parents[self.parents[member as usize] as usize];
-            self.parents[member as usize] = grandparent;
-            member = grandparent;
-        }
-        member
-    }
-
-    pub(super) fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.parents[a.max(b) as usize] = a.min(b);
-    }
-
-    pub(super) fn roots(&self) -> impl Iterator<Item = usize> + '_ {
-        (0..self.parents.len()).filter(|&v| self.parents[v] as usize == v)
-    }
-
-    /// The number of components that hold a vertex with faces.
-    fn count(&self, valences: &[u32]) -> usize {
-        self.roots().filter(|&v| valences[v] > 0).count()
-    }
 }
 
 #[cfg(test)]

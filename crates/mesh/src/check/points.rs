@@ -7,13 +7,13 @@ use super::examine::{Examined, Found, tally};
 use super::extent::{bounding_box, total_area};
 use super::{CheckOptions, CheckedMesh, Merge, MeshError};
 use crate::TriangleMesh;
+use crate::connected::Components;
 use crate::numbering::{self, Numbering, nearest_vertices};
 use crate::points::{COVERS, Known, local_triangles};
 use crate::read::RawMesh;
 use crate::repair::{DROPPED, equal_positions};
 use crate::report::{DefectKind, FileSize, MeshReport, RepairKind};
 use crate::sample::spatial_order;
-use crate::topology::Components;
 
 /// Fewer points have no more than one triangle.
 const FEWEST: usize = 4;

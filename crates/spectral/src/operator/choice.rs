@@ -111,7 +111,7 @@ impl OperatorParameters {
             }
             (Boundary::Neumann | Boundary::Dirichlet, _) | (_, OperatorKind::Hodge) => {}
             (Boundary::Tangential | Boundary::Normal, _) => {
-                let reason = "\"tangential\" and \"normal\" are of fields, the operator \"hodge\"; functions take \"neumann\" or \"dirichlet\"";
+                let reason = "\"tangential\" and \"normal\" apply to fields, the operator \"hodge\"; functions take \"neumann\" or \"dirichlet\"";
                 return error("boundary", reason.to_owned());
             }
         }

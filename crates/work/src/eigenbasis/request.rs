@@ -82,8 +82,8 @@ pub struct Request {
     /// The mass matrix; `barycentric`, unless it is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mass: Option<MassKind>,
-    /// What holds at the boundary; `neumann`, unless it is given. Of functions `neumann` or `dirichlet`, of the fields of `hodge` `tangential`, which
-    /// is `neumann` by its name, or `normal`.
+    /// What holds at the boundary; `neumann`, unless it is given. Functions take `neumann` or `dirichlet`; the fields of `hodge`
+    /// take `tangential`, for which `neumann` is another name, or `normal`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub boundary: Option<Boundary>,
     /// Functions of the subspace, at least the count; twice the count and at least the count plus 150, unless it is given.

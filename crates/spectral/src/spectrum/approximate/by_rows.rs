@@ -17,6 +17,7 @@ use crate::operator::{LaplacianByRows, spread_rows};
 use chladni_algebra::{SparseMatrix, galerkin};
 use chladni_base::{Monitor, Quiet};
 use chladni_mesh::TriangleMesh;
+use chladni_mesh::connected::Components;
 use chladni_mesh::connectivity::Connectivity;
 use chladni_mesh::distance::DistanceKind;
 use chladni_mesh::sample::well_spread_points;
@@ -240,7 +241,7 @@ impl Survey {
     ) -> Result<Self, ApproximationError> {
         let (n, masses) = (problem.size(), problem.masses());
         let mut products = vec![0.0; 2 * vectors.len()];
-        let mut components = Components { parents: (0..n as u32).collect() };
+        let mut components = Components::new(n);
         let mut unbalanced = Vec::new();
         let (mut entries, mut largest) = (0, 0f64);
         for from in (0..n).step_by(ROWS_OF_PIECE) {
@@ -270,33 +271,13 @@ impl Survey {
                 largest = largest.max(if size.is_finite() { size } else { 0.0 });
             }
         }
-        let mut is_kernel: Vec<bool> = (0..n as u32).map(|row| components.parents[row as usize] == row).collect();
+        let mut is_kernel = vec![false; n];
+        components.roots().for_each(|row| is_kernel[row] = true);
         for row in unbalanced {
             is_kernel[components.root(row) as usize] = false;
         }
         let kernel = is_kernel.into_iter().filter(|&is| is).count();
         Ok(Self { products, entries, kernel, largest })
-    }
-}
-
-/// Rows that are joined, each with a row that stands for all of them.
-struct Components {
-    parents: Vec<u32>,
-}
-
-impl Components {
-    fn root(&mut self, mut row: u32) -> u32 {
-        while self.parents[row as usize] != row {
-            let above = self.parents[self.parents[row as usize] as usize];
-            self.parents[row as usize] = above;
-            row = above;
-        }
-        row
-    }
-
-    fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.parents[a.max(b) as usize] = a.min(b);
     }
 }
 
