@@ -49,7 +49,7 @@ pub struct SolveArguments {
     #[arg(long, value_name = "OPERATOR", help_heading = "Problem")]
     operator: Option<String>,
 
-    /// Boundary condition: neumann or dirichlet of functions, tangential or normal of the fields of hodge
+    /// Boundary condition: neumann or dirichlet for functions, tangential or normal for the fields of hodge
     #[arg(long, value_name = "KIND", help_heading = "Problem", value_parser = ["neumann", "dirichlet", "tangential", "normal"])]
     boundary: Option<String>,
 
