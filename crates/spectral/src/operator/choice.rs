@@ -1,5 +1,6 @@
 //! What a client may ask for, the operator that is made of it, and why.
 
+use chladni_algebra::SparseMatrix;
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::points::are_points;
@@ -283,6 +284,12 @@ impl MeshOperator {
             floor: self.floor / length,
             report: self.report.clone(),
         }
+    }
+
+    /// The same with another stiffness of no negative eigenvalues.
+    pub(crate) fn with_stiffness(&self, stiffness: SparseMatrix) -> Self {
+        let problem = EigenProblem { stiffness, ..self.problem.clone() };
+        Self { problem, base: self.base.clone(), floor: 0.0, report: self.report.clone() }
     }
 
     /// Whether the problem is that of the Laplacian on all vertices.

@@ -91,7 +91,7 @@ impl Refined {
         let (fine, massless) = laplace::cotangent(&self.mesh, &self.measured, 1.0, mass);
         let n = self.vertices();
         let around = Around::new(n, &self.polygons);
-        let stiffness = self.restricted(&fine.stiffness, &around);
+        let stiffness = balanced(self.restricted(&fine.stiffness, &around), &around);
         let mass = match &fine.mass {
             MassMatrix::Sparse(matrix) => MassMatrix::Sparse(self.restricted(matrix, &around)),
             lumped => MassMatrix::Diagonal(self.lumped(&lumped.lumped(), n)),
@@ -194,6 +194,21 @@ impl Refined {
         }
         lumped
     }
+}
+
+/// The same with the diagonal of corners of polygons what makes their rows sum to zero: roundings of large terms that nearly cancel would hide from a
+/// solver that constants are in the kernel.
+fn balanced(matrix: SparseMatrix, around: &Around) -> SparseMatrix {
+    let mut values = matrix.values().to_vec();
+    for row in (0..matrix.rows()).filter(|&row| !around.of(row).is_empty()) {
+        let (columns, entries) = matrix.row(row);
+        if let Ok(own) = columns.binary_search(&(row as u32)) {
+            let others = entries.iter().enumerate().filter(|&(place, _)| place != own);
+            values[matrix.offsets()[row] + own] = -others.map(|(_, value)| value).sum::<f64>();
+        }
+    }
+    let (offsets, columns) = (matrix.offsets().to_vec(), matrix.indices().to_vec());
+    SparseMatrix::from_sorted_parts(matrix.rows(), matrix.columns(), offsets, columns, values)
 }
 
 /// For each vertex the polygons it is a corner of, ascending, and its place in them.

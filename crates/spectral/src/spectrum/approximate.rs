@@ -1,5 +1,6 @@
 //! The fast approximation of eigenproblems (thesis, chapter 2): Ritz pairs in a subspace of locally supported functions.
 
+mod above;
 mod attempt;
 mod by_rows;
 mod error;
@@ -21,6 +22,7 @@ use crate::operator::{EigenProblem, MeshOperator};
 use chladni_algebra::{EigenError, gpu};
 use chladni_base::Monitor;
 
+use above::{move_back, without_offset};
 use attempt::{Attempt, Remedies};
 pub use attempt::{MOST_COUNTED_IN_SOLID, most_columns};
 pub use error::ApproximationError;
@@ -125,10 +127,10 @@ pub fn approximate<'a>(
 ) -> Result<Basis, ApproximationError> {
     let domain = domain.into();
     if let Domain::Surface(_) = domain {
-        return on_unit_size(domain, operator, parameters, monitor);
+        return above_offset(domain, operator, parameters, monitor);
     }
     let unit = operator.on_unit_volume();
-    let mut basis = on_unit_size(domain, &unit, parameters, monitor)?;
+    let mut basis = above_offset(domain, &unit, parameters, monitor)?;
     // Values are as in the input now; masses and functions are still over a square, instead of a volume.
     let laplacian = operator.laplacian();
     basis.mass = laplacian.mass.scaled(laplacian.area);
@@ -294,6 +296,21 @@ fn pairs_beside(unknowns: usize, kernel: usize, parameters: &ApproximationParame
     // Eigenvalues are counted above the kernel, even if only a part of that is wanted.
     let pairs = if parameters.certify { count.max(kernel) } else { count };
     (pairs + guards).min(parameters.dimension.max(pairs)).min(unknowns).max(count)
+}
+
+/// [`approximate`] on a problem of unit size, relative to what a potential is at least.
+fn above_offset(
+    domain: Domain<'_>,
+    operator: &MeshOperator,
+    parameters: &ApproximationParameters,
+    monitor: &dyn Monitor,
+) -> Result<Basis, ApproximationError> {
+    let (own, offset) = without_offset(operator);
+    let mut basis = on_unit_size(domain, &own, parameters, monitor)?;
+    if offset != 0.0 {
+        move_back(&mut basis, operator, offset, monitor)?;
+    }
+    Ok(basis)
 }
 
 /// [`approximate`] on a problem of unit size, whose area is the square of the length that is 1 there.

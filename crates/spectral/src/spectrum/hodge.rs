@@ -6,9 +6,10 @@
 //! blocks a row, and their certificates prove the union complete.
 
 mod part;
+mod settle;
 
-use chladni_algebra::{DenseMatrix, PANEL_WIDTH, PanelMatrix};
-use chladni_base::Monitor;
+use chladni_algebra::{MassMatrix, PANEL_WIDTH, PanelMatrix, gram};
+use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::dual::DualGraph;
 
@@ -16,6 +17,7 @@ use crate::operator::frames::FaceFrames;
 use crate::operator::hodge::{FieldBoundary, ScalarProblem, conforming_problem, nonconforming_problem};
 
 use part::Part;
+use settle::settle;
 
 use super::hsim::{self, Eigenpairs, HsimError, HsimParameters, InertiaCount, LevelReport, Wanted};
 
@@ -44,7 +46,7 @@ pub struct HodgeSpectrum {
     pub residuals: Vec<f64>,
     /// Per field a bound on the distance of an exact eigenvalue, in 1/length² of the input.
     pub bounds: Vec<f64>,
-    /// The largest entry of `|XᵀMX − I|` within gradients and within co-gradients; the two are orthogonal to each other but for rounding.
+    /// The largest entry of `|XᵀMX − I|`, of the fields and of the functions that they are gradients of.
     pub orthonormality_defect: f64,
     /// Whether inertia counts prove both parts complete.
     pub complete: bool,
@@ -79,44 +81,38 @@ pub fn hodge_spectrum(
     let surface = (mesh, dual, frames);
     let gradients = conforming_problem(mesh, dual, frames, boundary);
     let co_gradients = nonconforming_problem(mesh, dual, frames, boundary);
+    let parts = [&gradients, &co_gradients];
     let (mut tolerance, mut best): (f64, Option<HodgeSpectrum>) = (parameters.tolerance, None);
-    loop {
+    let mut found = loop {
         let own = HsimParameters { tolerance, ..*parameters };
-        let found = match (
-            spectrum_of_scalars(
-                surface,
-                [&gradients, &co_gradients],
-                harmonic,
-                count,
-                (&own, parameters.tolerance),
-                monitor,
-            ),
-            best,
-        ) {
+        let found = match (spectrum_of_scalars(surface, parts, harmonic, count, &own, monitor), best) {
             (Ok(found), _) => found,
             // Below what rounding allows: what there is says by its residuals how far it got.
-            (Err(HsimError::Floor { .. } | HsimError::NotConverged { .. }), Some(best)) => return Ok(best),
+            (Err(HsimError::Floor { .. } | HsimError::NotConverged { .. }), Some(best)) => break best,
             (Err(error), _) => return Err(error),
         };
         let worst = found.residuals.iter().copied().fold(0.0, f64::max);
         let next = (0.3 * tolerance * parameters.tolerance / worst).max(LEAST_TOLERANCE);
         if worst <= parameters.tolerance || !(next < tolerance) {
-            return Ok(found);
+            break found;
         }
         (tolerance, best) = (next, Some(found));
-    }
+    };
+    settle(&mut found, surface, boundary, parameters.tolerance, monitor)?;
+    found.orthonormality_defect = found.orthonormality_defect.max(defect(frames, &found.fields, monitor)?);
+    Ok(found)
 }
 
 /// The least tolerance that a scalar problem may have.
 const LEAST_TOLERANCE: f64 = 1e-10;
 
-/// The same with parameters for the scalar problems, and the tolerance of the fields.
+/// The same with the tolerance for the scalar problems.
 fn spectrum_of_scalars(
     (mesh, dual, frames): (&TriangleMesh, &DualGraph, &FaceFrames),
     [gradients, co_gradients]: [&ScalarProblem; 2],
     harmonic: &[Vec<f64>],
     count: usize,
-    (parameters, tolerance): (&HsimParameters, f64),
+    parameters: &HsimParameters,
     monitor: &dyn Monitor,
 ) -> Result<HodgeSpectrum, HsimError> {
     let faces = mesh.faces.len();
@@ -139,10 +135,6 @@ fn spectrum_of_scalars(
     let area = frames.area();
     let parts = [(FieldPart::Gradient, gradients, &first), (FieldPart::CoGradient, co_gradients, &second)];
     let parts = parts.map(|(kind, scalar, pairs)| (Part { kind, scalar, surface: (mesh, dual, frames) }, pairs));
-    let functions = [
-        parts[0].0.functions(&first, (area, tolerance), monitor)?,
-        parts[1].0.functions(&second, (area, tolerance), monitor)?,
-    ];
     let mut spectrum = HodgeSpectrum {
         values: all.iter().map(|f| f.0).collect(),
         fields: PanelMatrix::zeros(2 * faces, all.len()),
@@ -166,7 +158,7 @@ fn spectrum_of_scalars(
         }
         let of = usize::from(kind == FieldPart::CoGradient);
         let (part, pairs) = &parts[of];
-        let u = functions[of].column(k - part.scalar.kernel);
+        let u = pairs.vectors.column(k);
         // The norm of a gradient is √λ, which does not depend on scale. The frames are those of unit area, in which a gradient of the input is √area
         // times as large.
         let scale = 1.0 / (value.max(f64::MIN_POSITIVE) * area).sqrt();
@@ -252,19 +244,18 @@ fn merged(
     }
 }
 
-/// The largest entry of `|XᵀMX − I|` of some fields, by multiplication; for tests and reports.
-pub fn defect(frames: &FaceFrames, fields: &PanelMatrix) -> f64 {
-    let (rows, columns) = (fields.rows(), fields.columns());
-    let values: Vec<f64> = (0..columns).flat_map(|c| fields.column(c)).collect();
-    let x = DenseMatrix::from_columns(rows, columns, values);
-    let mut weighted = x.clone();
-    for c in 0..columns {
-        let masses = frames.areas().iter().flat_map(|a| [a * frames.area(); 2]);
-        weighted.column_mut(c).iter_mut().zip(masses).for_each(|(x, m)| *x *= m);
-    }
-    let gram = x.transposed_times(&weighted);
+/// The largest entry of `|XᵀMX − I|` of some fields, `2F` rows, for the face areas of the input.
+///
+/// # Errors
+/// [`Cancelled`].
+pub fn defect(frames: &FaceFrames, fields: &PanelMatrix, monitor: &dyn Monitor) -> Result<f64, Cancelled> {
+    let masses = frames.areas().iter().flat_map(|a| [a * frames.area(); 2]).collect();
+    let gram = gram(&MassMatrix::Diagonal(masses), fields, monitor)?;
     let deviation = |j: usize, i: usize| (gram.column(j)[i] - f64::from(u8::from(i == j))).abs();
-    (0..columns).flat_map(|j| (0..columns).map(move |i| deviation(j, i))).fold(0.0, f64::max)
+    Ok((0..fields.columns())
+        .flat_map(|j| (0..=j).map(move |i| (j, i)))
+        .map(|(j, i)| deviation(j, i))
+        .fold(0.0, f64::max))
 }
 
 #[cfg(test)]

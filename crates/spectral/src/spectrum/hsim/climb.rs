@@ -400,8 +400,8 @@ fn base_level(mesh: &TriangleMesh, problem: &EigenProblem, shiftable: bool) -> R
         Some(unknowns) => unknowns.iter().map(|&vertex| scaled(vertex as usize)).collect(),
     };
     // Who gives vectors to start from has shifted the problem on purpose, and gives values that belong to it.
-    let (mut stiffness, mut offset) =
-        if shiftable { offset::taken_off(&problem.stiffness, &problem.mass) } else { (problem.stiffness.clone(), 0.0) };
+    let off = if shiftable { offset::taken_off(&problem.stiffness, &problem.mass) } else { None };
+    let (mut stiffness, mut offset) = off.unwrap_or_else(|| (problem.stiffness.clone(), 0.0));
     let mut component = offset::components(&stiffness, &problem.mass, offset);
     if offset != 0.0 && component.last().is_some_and(|&last| last as usize + 1 == n) {
         // Nothing but a kernel would be left to iterate on.

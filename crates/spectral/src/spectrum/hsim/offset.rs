@@ -13,8 +13,8 @@ const UNIT: f64 = 2.0 * f64::EPSILON;
 const ROUNDINGS: f64 = 1e-12;
 
 /// The stiffness without the largest multiple of the mass that leaves no row with a negative sum, and that multiple: for the Laplacian plus a
-/// positive potential it is the least value of the potential. Iterations and gaps are relative to what is left. Zero where there is none.
-pub(super) fn taken_off(stiffness: &SparseMatrix, mass: &MassMatrix) -> (SparseMatrix, f64) {
+/// positive potential it is the least value of the potential. Iterations and gaps are relative to what is left. Nothing where there is none.
+pub(in crate::spectrum) fn taken_off(stiffness: &SparseMatrix, mass: &MassMatrix) -> Option<(SparseMatrix, f64)> {
     let lumped = mass.lumped();
     let mut least = f64::INFINITY;
     for (row, mass) in lumped.iter().enumerate() {
@@ -22,9 +22,8 @@ pub(super) fn taken_off(stiffness: &SparseMatrix, mass: &MassMatrix) -> (SparseM
         // What rounding makes of a sum of zero is no potential.
         least = least.min(if sum > error { sum / mass } else { 0.0 });
     }
-    let unchanged = || (stiffness.clone(), 0.0);
     if !(least > 0.0 && least.is_finite()) {
-        return unchanged();
+        return None;
     }
     let mut values = stiffness.values().to_vec();
     let mut left = 0.0f64;
@@ -43,18 +42,18 @@ pub(super) fn taken_off(stiffness: &SparseMatrix, mass: &MassMatrix) -> (SparseM
             }
         };
         if taken.is_none() {
-            return unchanged();
+            return None;
         }
         let rest: f64 = values[start..start + columns.len()].iter().map(|value| value.abs()).sum();
         left = left.max(rest / lumped[row]);
     }
     // All eigenvalues are one: what is left are the roundings of the assembly, whose order and gaps say nothing.
     if left <= ROUNDINGS * least {
-        return unchanged();
+        return None;
     }
     let (rows, columns) = (stiffness.rows(), stiffness.columns());
     let (offsets, indices) = (stiffness.offsets().to_vec(), stiffness.indices().to_vec());
-    (SparseMatrix::from_sorted_parts(rows, columns, offsets, indices, values), least)
+    Some((SparseMatrix::from_sorted_parts(rows, columns, offsets, indices, values), least))
 }
 
 /// The sum of a row, and how far rounding may have moved it.

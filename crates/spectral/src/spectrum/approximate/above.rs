@@ -1,0 +1,71 @@
+//! A potential that is positive everywhere: its least value moves all eigenvalues and changes no eigenfunction.
+//!
+//! It is taken off before anything is approximated. What pairs miss, and what is asked of them, is then relative to what tells them apart: beside a large
+//! constant, every function is an eigenfunction to many digits.
+
+use std::borrow::Cow;
+
+use chladni_algebra::{DenseMatrix, PANEL_WIDTH, PanelMatrix, prolong, residual_sums};
+use chladni_base::{Cancelled, Monitor};
+
+use crate::basis::{Basis, Functions};
+use crate::operator::MeshOperator;
+use crate::spectrum::certificate::KERNEL;
+use crate::spectrum::hsim::taken_off;
+
+/// The operator without the largest multiple of the mass that leaves no row with a negative sum, and that multiple, on unit size; itself where there is
+/// none.
+pub(super) fn without_offset(operator: &MeshOperator) -> (Cow<'_, MeshOperator>, f64) {
+    // A Laplacian has rows that sum to zero.
+    let found =
+        if operator.is_laplacian() { None } else { taken_off(&operator.problem.stiffness, &operator.problem.mass) };
+    match found {
+        Some((stiffness, offset)) => (Cow::Owned(operator.with_stiffness(stiffness)), offset),
+        None => (Cow::Borrowed(operator), 0.0),
+    }
+}
+
+/// Makes pairs of the operator without the offset those of the operator: values and the shifts of counts move, and residuals are relative to `‖S x‖` again.
+///
+/// # Errors
+/// The monitor asked to stop.
+pub(super) fn move_back(
+    basis: &mut Basis,
+    operator: &MeshOperator,
+    offset: f64,
+    monitor: &dyn Monitor,
+) -> Result<(), Cancelled> {
+    let problem = &operator.problem;
+    let by = offset / problem.area;
+    basis.eigenvalues.iter_mut().for_each(|value| *value += by);
+    basis.certificate.inertia.iter_mut().for_each(|count| count.shift += by);
+    // Entries of the matrix and sums were rounded.
+    basis.certificate.bounds.iter_mut().for_each(|bound| *bound += ROUNDINGS * f64::EPSILON * by);
+    let Functions::Compact(compact) = &basis.functions else { return Ok(()) };
+    let space = match &problem.unknowns {
+        Some(unknowns) => Cow::Owned(compact.space.select_rows(unknowns)),
+        None => Cow::Borrowed(&compact.space),
+    };
+    let d = compact.coefficients.rows();
+    for (first, values) in basis.eigenvalues.chunks(PANEL_WIDTH).enumerate() {
+        let from = first * PANEL_WIDTH;
+        let columns = (from..from + values.len()).flat_map(|k| compact.coefficients.column(k).to_vec()).collect();
+        let block = prolong(&space, &PanelMatrix::from_dense(&DenseMatrix::from_columns(d, values.len(), columns)));
+        let values: Vec<f64> = values.iter().map(|value| value * problem.area).collect();
+        let sums = residual_sums(&problem.stiffness, &problem.mass, &block, &values, monitor)?;
+        for ((residual, sums), value) in basis.certificate.residuals[from..].iter_mut().zip(sums).zip(values) {
+            if value.abs() > KERNEL {
+                *residual = if sums.residual == 0.0 { 0.0 } else { (sums.residual / sums.stiffness).sqrt() };
+            }
+        }
+    }
+    Ok(())
+}
+
+/// How many roundings, relative to the offset, lie between a value of the one operator and that of the other: the product of mass and offset, the
+/// difference of entries, and the sum of values, with some to spare.
+const ROUNDINGS: f64 = 8.0;
+
+#[cfg(test)]
+#[path = "above_tests.rs"]
+mod tests;
