@@ -34,7 +34,13 @@ fn main() {
     let begun = (Instant::now(), processor_seconds());
     let full = FullSpace::within(&surface, kind, FieldBoundary::default(), 0, &Unwatched).unwrap();
     let levels = (begun.0.elapsed().as_secs_f64(), processor_seconds() - begun.1);
-    println!("{name}, {} faces; levels {:.1} s, {:.1} processor seconds, {:.0} MB", surface.faces(), levels.0, levels.1, 1e-6 * full.bytes() as f64);
+    println!(
+        "{name}, {} faces; levels {:.1} s, {:.1} processor seconds, {:.0} MB",
+        surface.faces(),
+        levels.0,
+        levels.1,
+        1e-6 * full.bytes() as f64
+    );
     println!("| tolerance | off | responses | seconds | processor seconds |\n|---|---|---|---|---|");
     for tolerance in [2e-3, 1e-5, 1e-8] {
         let mut random = SplitMix64::new(7);

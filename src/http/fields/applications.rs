@@ -33,9 +33,9 @@ const SVG: &str = "image/svg+xml";
 const PNG: &str = "image/png";
 
 /// What to do where a picture takes too long.
-const FUR: &str = "Ask for fewer strands, fewer points or a smaller picture, or paint it without a server: chladni fur.";
-const HATCHING: &str =
-    "Ask for a larger spacing, fewer lines, fewer levels or a smaller picture, or draw it without a server: chladni hatching.";
+const FUR: &str =
+    "Ask for fewer strands, fewer points or a smaller picture, or paint it without a server: chladni fur.";
+const HATCHING: &str = "Ask for a larger spacing, fewer lines, fewer levels or a smaller picture, or draw it without a server: chladni hatching.";
 
 problems!(CombFurProblems: SOLVE BODY JSON [UNKNOWN_FIELD, INVALID_DESIGN, NO_FIELD_SURFACE]);
 
@@ -158,7 +158,8 @@ async fn hatch(
         .solve("hatching", move |monitor| {
             let _memory = memory;
             let monitor = Patience::new(patience::USUAL, monitor);
-            let too_long = patience::too_long("hatching", patience::USUAL, "The lines were not laid and drawn", HATCHING);
+            let too_long =
+                patience::too_long("hatching", patience::USUAL, "The lines were not laid and drawn", HATCHING);
             if !drawn {
                 let lines = request.lines(&loaded, field, &monitor).map_err(&too_long)?;
                 let mut lines: Vec<Line> = lines.into_iter().map(Line::from).collect();

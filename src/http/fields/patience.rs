@@ -61,7 +61,11 @@ impl Monitor for Patience<'_> {
     fn stage(&self, _name: &'static str) {}
     fn progress(&self, _fraction: f64) {}
     fn checkpoint(&self) -> Result<(), Cancelled> {
-        if self.has_passed(self.begin.elapsed(), processor_nanoseconds) { Err(Cancelled) } else { self.inner.checkpoint() }
+        if self.has_passed(self.begin.elapsed(), processor_nanoseconds) {
+            Err(Cancelled)
+        } else {
+            self.inner.checkpoint()
+        }
     }
 }
 

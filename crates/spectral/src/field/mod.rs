@@ -7,6 +7,7 @@ mod compliance;
 mod constraints;
 mod cover;
 mod cycle;
+mod cycle_rows;
 mod decomposition;
 mod design;
 mod direct;

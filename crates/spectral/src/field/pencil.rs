@@ -266,7 +266,14 @@ impl Pencil {
         let root = if both { sum.biharmonic.sqrt() } else { 0.0 };
         let numbers = factor.into_numbers();
         let places = (0..self.size()).map(place).collect();
-        Ok(Factored { structure: structure.clone(), numbers, single: OnceLock::new(), rows: matrix.rows(), places, root })
+        Ok(Factored {
+            structure: structure.clone(),
+            numbers,
+            single: OnceLock::new(),
+            rows: matrix.rows(),
+            places,
+            root,
+        })
     }
 }
 

@@ -185,7 +185,7 @@ impl Canvas {
         let bands = self.depth.par_chunks_mut(rows * width).zip(self.colour.par_chunks_mut(rows * width));
         bands.enumerate().try_for_each(|(band, (depth, colour))| {
             let mut band = Band { width, top: band * rows, depth, colour, since: 0 };
-            nibs.chunks_exact(coat.points).try_for_each(|strand| band.strand(strand, monitor))
+            nibs.chunks_exact(coat.points.max(1)).try_for_each(|strand| band.strand(strand, monitor))
         })
     }
 

@@ -110,7 +110,11 @@ mod tests {
 
     fn nib(random: &mut SplitMix64) -> Nib {
         let mut within = |low: f64, high: f64| low + (high - low) * random.unit();
-        Nib { place: [within(-20.0, 116.0), within(-20.0, 116.0), within(1.0, 2.0)], width: within(0.2, 9.0), colour: [within(0.0, 1.0); 3] }
+        Nib {
+            place: [within(-20.0, 116.0), within(-20.0, 116.0), within(1.0, 2.0)],
+            width: within(0.2, 9.0),
+            colour: [within(0.0, 1.0); 3],
+        }
     }
 
     /// Whether the middle of a pixel is within half a width of the segment, looked for along it.
@@ -141,8 +145,11 @@ mod tests {
             b.width = a.width;
             let (mut depth, mut colour) = (vec![f32::INFINITY; SIZE * SIZE], vec![[0.0; 3]; SIZE * SIZE]);
             let rows = 7;
-            for (band, (depth, colour)) in depth.chunks_mut(rows * SIZE).zip(colour.chunks_mut(rows * SIZE)).enumerate() {
-                Band { width: SIZE, top: band * rows, depth, colour, since: 0 }.strand(&[Some(a), Some(b)], &Unwatched).unwrap();
+            for (band, (depth, colour)) in depth.chunks_mut(rows * SIZE).zip(colour.chunks_mut(rows * SIZE)).enumerate()
+            {
+                Band { width: SIZE, top: band * rows, depth, colour, since: 0 }
+                    .strand(&[Some(a), Some(b)], &Unwatched)
+                    .unwrap();
             }
             for pixel in 0..SIZE * SIZE {
                 let painted = depth[pixel].is_finite();
