@@ -152,6 +152,61 @@ fn clusters_above_a_pair_of_low_values_are_told_apart() {
     }
 }
 
+/// The lowest eigenvalues by bisection, of a function that counts those below a number.
+fn bisected(count: usize, (least, most): (f64, f64), below: impl Fn(f64) -> usize) -> Vec<f64> {
+    let value = |k: usize| {
+        let (mut from, mut to) = (least, most);
+        loop {
+            let middle = 0.5 * (from + to);
+            if !(middle > from && middle < to) {
+                return middle;
+            }
+            if below(middle) > k { to = middle } else { from = middle }
+        }
+    };
+    (0..count).map(value).collect()
+}
+
+/// One value far below the rest, which a dense row makes, or several at very different depths: a shift between them and the rest is near nothing.
+#[test]
+fn values_far_below_all_others_do_not_keep_those_from_converging() {
+    let mut random = SplitMix64::new(11);
+    for (n, tip) in [(1500, 0.0), (3000, -1e4)] {
+        let diagonal: Vec<f64> = (0..n).map(|_| (0..6).map(|_| random.signed_unit()).sum()).collect();
+        let border: Vec<f64> = (0..n).map(|_| random.signed_unit()).collect();
+        let mut entries: Vec<_> =
+            (0..n).flat_map(|k| [(k, n, border[k]), (n, k, border[k]), (k, k, diagonal[k])]).collect();
+        entries.push((n, n, tip));
+        let below = |at: f64| {
+            let rest = tip - at - (0..n).map(|k| border[k] * border[k] / (diagonal[k] - at)).sum::<f64>();
+            diagonal.iter().filter(|&&value| value < at).count() + usize::from(rest < 0.0)
+        };
+        let exact = bisected(60, (-2e4, 2e4), below);
+        for count in [10, 33, 60] {
+            proven(&matrix(n + 1, &entries), &Mass::Identity, &lowest(count), &exact[..count], 1e-11);
+        }
+    }
+    let n = 2500;
+    for outliers in [&[-1e3, -1e2, -10.0][..], &[-1e6; 3], &[-3.0, -2.0, -1.0]] {
+        let mut diagonal: Vec<f64> = (0..n).map(|_| random.unit()).collect();
+        outliers.iter().enumerate().for_each(|(k, &value)| diagonal[700 * k] = value);
+        let coupled = (1..n).flat_map(|k| [(k - 1, k, 1e-3), (k, k - 1, 1e-3)]);
+        let entries: Vec<_> = (0..n).map(|k| (k, k, diagonal[k])).chain(coupled).collect();
+        let below = |at: f64| {
+            let mut pivot = f64::INFINITY;
+            let mut negative = |&value: &f64| {
+                pivot = value - at - 1e-6 / pivot;
+                pivot < 0.0
+            };
+            diagonal.iter().filter(|value| negative(value)).count()
+        };
+        let exact = bisected(60, (-2e6, 2e6), below);
+        for count in [10, 33, 60] {
+            proven(&matrix(n, &entries), &Mass::Identity, &lowest(count), &exact[..count], 1e-11);
+        }
+    }
+}
+
 #[test]
 fn complete_graphs_stars_and_copies() {
     let complete: Vec<_> = (0..60).flat_map(|a| (0..a).map(move |b| (a, b))).collect();

@@ -5,14 +5,17 @@
 //! theirs (see [`crate::operator::hodge`]). Two scalar problems with three entries a row and more are solved instead of one of thirteen
 //! blocks a row, and their certificates prove the union complete.
 
-use chladni_algebra::{DenseMatrix, MassMatrix, PANEL_WIDTH, PanelMatrix};
+mod part;
+
+use chladni_algebra::{DenseMatrix, PANEL_WIDTH, PanelMatrix};
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::dual::DualGraph;
 
-use crate::operator::EigenProblem;
 use crate::operator::frames::FaceFrames;
 use crate::operator::hodge::{FieldBoundary, ScalarProblem, conforming_problem, nonconforming_problem};
+
+use part::Part;
 
 use super::hsim::{self, Eigenpairs, HsimError, HsimParameters, InertiaCount, LevelReport, Wanted};
 
@@ -79,13 +82,22 @@ pub fn hodge_spectrum(
     let (mut tolerance, mut best): (f64, Option<HodgeSpectrum>) = (parameters.tolerance, None);
     loop {
         let own = HsimParameters { tolerance, ..*parameters };
-        let found =
-            match (spectrum_of_scalars(surface, [&gradients, &co_gradients], harmonic, count, &own, monitor), best) {
-                (Ok(found), _) => found,
-                // Below what rounding allows: what there is says by its residuals how far it got.
-                (Err(HsimError::Floor { .. } | HsimError::NotConverged { .. }), Some(best)) => return Ok(best),
-                (Err(error), _) => return Err(error),
-            };
+        let found = match (
+            spectrum_of_scalars(
+                surface,
+                [&gradients, &co_gradients],
+                harmonic,
+                count,
+                (&own, parameters.tolerance),
+                monitor,
+            ),
+            best,
+        ) {
+            (Ok(found), _) => found,
+            // Below what rounding allows: what there is says by its residuals how far it got.
+            (Err(HsimError::Floor { .. } | HsimError::NotConverged { .. }), Some(best)) => return Ok(best),
+            (Err(error), _) => return Err(error),
+        };
         let worst = found.residuals.iter().copied().fold(0.0, f64::max);
         let next = (0.3 * tolerance * parameters.tolerance / worst).max(LEAST_TOLERANCE);
         if worst <= parameters.tolerance || !(next < tolerance) {
@@ -98,13 +110,13 @@ pub fn hodge_spectrum(
 /// The least tolerance that a scalar problem may have.
 const LEAST_TOLERANCE: f64 = 1e-10;
 
-/// The same with the tolerance for the scalar problems.
+/// The same with parameters for the scalar problems, and the tolerance of the fields.
 fn spectrum_of_scalars(
     (mesh, dual, frames): (&TriangleMesh, &DualGraph, &FaceFrames),
     [gradients, co_gradients]: [&ScalarProblem; 2],
     harmonic: &[Vec<f64>],
     count: usize,
-    parameters: &HsimParameters,
+    (parameters, tolerance): (&HsimParameters, f64),
     monitor: &dyn Monitor,
 ) -> Result<HodgeSpectrum, HsimError> {
     let faces = mesh.faces.len();
@@ -125,6 +137,12 @@ fn spectrum_of_scalars(
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
     all.truncate(count);
     let area = frames.area();
+    let parts = [(FieldPart::Gradient, gradients, &first), (FieldPart::CoGradient, co_gradients, &second)];
+    let parts = parts.map(|(kind, scalar, pairs)| (Part { kind, scalar, surface: (mesh, dual, frames) }, pairs));
+    let functions = [
+        parts[0].0.functions(&first, (area, tolerance), monitor)?,
+        parts[1].0.functions(&second, (area, tolerance), monitor)?,
+    ];
     let mut spectrum = HodgeSpectrum {
         values: all.iter().map(|f| f.0).collect(),
         fields: PanelMatrix::zeros(2 * faces, all.len()),
@@ -136,60 +154,31 @@ fn spectrum_of_scalars(
         inertia: [first.inertia.clone(), second.inertia.clone()],
         levels: [first.levels.clone(), second.levels.clone()].concat(),
     };
-    for (c, &(value, part, k)) in all.iter().enumerate() {
+    for (c, &(value, kind, k)) in all.iter().enumerate() {
         monitor.checkpoint()?;
         let panel = &mut spectrum.fields.panels_mut()[c / PANEL_WIDTH];
         let mut put = |at: usize, number: f64| panel[at * PANEL_WIDTH + c % PANEL_WIDTH] = number;
-        let (functions, pairs): (&dyn Fn(usize) -> [u32; 3], &Eigenpairs) = match part {
-            FieldPart::Harmonic => {
-                harmonic[k].iter().enumerate().for_each(|(at, number)| put(at, number / area.sqrt()));
-                spectrum.residuals.push(0.0);
-                spectrum.bounds.push(0.0);
-                continue;
-            }
-            FieldPart::Gradient => (&|f| mesh.faces[f].map(|vertex| gradients.rows[vertex as usize]), &first),
-            FieldPart::CoGradient => (&|f| dual.edges(f).map(|edge| co_gradients.rows[edge as usize]), &second),
-        };
-        let u = pairs.vectors.column(k);
-        // On unit area ∇λ = J e / 2A and J ∇ψ = e / A; the norm of a gradient is √λ, which does not depend on scale.
-        let scale = 1.0 / value.max(f64::MIN_POSITIVE).sqrt();
-        let gradient = |values: &[f64], f: usize| -> [f64; 2] {
-            let (e, own) = (frames.edges(f), functions(f));
-            let mut sum = [0.0; 2];
-            for i in 0..3 {
-                let Some(value) = values.get(own[i] as usize) else { continue };
-                match part {
-                    FieldPart::Gradient => {
-                        sum = [sum[0] - 0.5 * e[i][1] * value, sum[1] + 0.5 * e[i][0] * value];
-                    }
-                    _ => sum = [sum[0] + e[i][0] * value, sum[1] + e[i][1] * value],
-                }
-            }
-            let area = frames.areas()[f];
-            sum.map(|x| x / area)
-        };
-        for f in 0..faces {
-            // The frames are those of unit area, in which a gradient of the input is √area times as large.
-            let [x, y] = gradient(&u, f);
-            put(2 * f, scale * x / area.sqrt());
-            put(2 * f + 1, scale * y / area.sqrt());
+        if kind == FieldPart::Harmonic {
+            harmonic[k].iter().enumerate().for_each(|(at, number)| put(at, number / area.sqrt()));
+            spectrum.residuals.push(0.0);
+            spectrum.bounds.push(0.0);
+            continue;
         }
-        let problem = if part == FieldPart::Gradient { &gradients.problem } else { &co_gradients.problem };
-        spectrum.residuals.push(residual(problem, &u, value * area, |values| {
-            (0..faces).map(|f| gradient(values, f).map(|x| x * x * frames.areas()[f].powi(2)).iter().sum::<f64>()).sum()
-        }));
+        let of = usize::from(kind == FieldPart::CoGradient);
+        let (part, pairs) = &parts[of];
+        let u = functions[of].column(k - part.scalar.kernel);
+        // The norm of a gradient is √λ, which does not depend on scale. The frames are those of unit area, in which a gradient of the input is √area
+        // times as large.
+        let scale = 1.0 / (value.max(f64::MIN_POSITIVE) * area).sqrt();
+        for f in 0..faces {
+            let [x, y] = part.gradient(&u, f).map(|x| x / frames.areas()[f]);
+            put(2 * f, scale * x);
+            put(2 * f + 1, scale * y);
+        }
+        spectrum.residuals.push(part.residual(&u, value * area));
         spectrum.bounds.push(pairs.bounds[k]);
     }
     Ok(spectrum)
-}
-
-/// `‖S x − θ M x‖ / ‖S x‖` of the field of a function: with `S = M_F G M⁻¹ Gᵀ M_F` on gradients both are norms of `M_F G` times functions.
-fn residual(problem: &EigenProblem, u: &[f64], value: f64, norm: impl Fn(&[f64]) -> f64) -> f64 {
-    let MassMatrix::Diagonal(masses) = &problem.mass else { return f64::INFINITY };
-    let image = problem.stiffness.multiply(u);
-    let applied: Vec<f64> = image.iter().zip(masses).map(|(s, m)| s / m).collect();
-    let rest: Vec<f64> = applied.iter().zip(u).map(|(a, u)| a - value * u).collect();
-    (norm(&rest) / norm(&applied).max(f64::MIN_POSITIVE)).sqrt()
 }
 
 /// The lowest pairs of one of the problems, kernel included.

@@ -18,6 +18,7 @@ use super::krylov;
 use super::lanczos;
 use super::level::{Level, NO_KERNEL};
 use super::offset;
+use super::outliers::start_beside_outliers;
 use super::scout::{NEGLIGIBLE, Scout, fills_in};
 use super::solve::{Aim, Begun, Columns, Finest, Task, aim, within};
 use super::tuning::TUNING;
@@ -144,6 +145,12 @@ impl Bench<'_> {
                         continue;
                     }
                     return Ok(Begun { values, vectors, columns: Columns::Ritz });
+                }
+                if kernel == 0 && !scout.is_semidefinite()? {
+                    let of = (level, &finest.symbolic);
+                    if let Some(found) = start_beside_outliers(of, &known, wanted, self.monitor)? {
+                        return Ok(Begun { values: found.values, vectors: found.vectors, columns: Columns::Solved });
+                    }
                 }
             }
             let window = scout.window(q + kernel, bound, kernel > 0, self.monitor)?;

@@ -25,7 +25,7 @@ use super::kernel::Kernel;
 use super::level::Level;
 use super::ritz::ritz;
 use super::segments::Cuts;
-use super::shifts::{Group, count_near, factor_near, groups};
+use super::shifts::{Group, Strays, count_near, factor_near, groups};
 use super::stiff::Uncertain;
 use super::tuning::TUNING;
 
@@ -394,6 +394,14 @@ impl<'a> Iteration<'a> {
         let (level, symbolic, monitor, kernel) = (self.level, self.symbolic, self.monitor, self.kernel);
         let spread = self.spread;
         self.release();
+        let apart = taken_out(groups.iter().flat_map(|group| group.strays.iter().cloned()), columns);
+        let inverse_iterations = |factor: &Factor<'_>, panel: &mut Vec<f64>, scratch: &mut Vec<f64>| {
+            for _ in 0..iterations {
+                apply_mass(&level.mass, panel, scratch);
+                factor.solve_panel(panel);
+                kernel.remove_from_panel(panel);
+            }
+        };
         let (width, size, pass) = (self.batch(), level.size(), self.passes + 1);
         for (k, batch) in groups.chunks(width).enumerate() {
             let done = k * width + 1;
@@ -414,15 +422,30 @@ impl<'a> Iteration<'a> {
                 tasks.extend(panels.by_ref().take(group.panels.len()).map(|panel| (panel, factor)));
             }
             tasks.into_par_iter().try_for_each_init(Vec::new, |scratch, (panel, factor)| {
-                for _ in 0..iterations {
-                    monitor.checkpoint()?;
-                    apply_mass(&level.mass, panel, scratch);
-                    factor.solve_panel(panel);
-                    kernel.remove_from_panel(panel);
-                }
+                monitor.checkpoint()?;
+                inverse_iterations(factor, panel, scratch);
                 Ok::<(), HsimError>(())
             })?;
             self.note(factors);
+        }
+        self.solve_apart(apart, columns, inverse_iterations)
+    }
+
+    /// Puts solves of strays, each with its own shift, in the place of what the shifts of their groups made of them.
+    fn solve_apart(
+        &mut self,
+        apart: Vec<(Strays, PanelMatrix)>,
+        columns: &mut PanelMatrix,
+        solve: impl Fn(&Factor<'_>, &mut Vec<f64>, &mut Vec<f64>),
+    ) -> Result<(), HsimError> {
+        for (Strays { columns: range, shift }, mut own) in apart {
+            self.monitor.checkpoint()?;
+            let storage = self.storage();
+            let (at, factor) = factor_near(self.level, self.symbolic, shift, self.spread, storage)?;
+            let mut scratch = Vec::new();
+            own.panels_mut().iter_mut().for_each(|panel| solve(&factor, panel, &mut scratch));
+            columns.assign(&range.collect::<Vec<_>>(), &own);
+            self.counted(at, factor);
         }
         Ok(())
     }
@@ -460,6 +483,15 @@ impl<'a> Iteration<'a> {
         let room = self.level.size() * self.values.len() / self.symbolic.entries().max(1);
         rayon::current_num_threads().min(room).max(1)
     }
+}
+
+/// Copies of the columns that have shifts of their own.
+fn taken_out(strays: impl IntoIterator<Item = Strays>, columns: &PanelMatrix) -> Vec<(Strays, PanelMatrix)> {
+    let copy = |strays: Strays| {
+        let own = columns.select(&strays.columns.clone().collect::<Vec<_>>());
+        (strays, own)
+    };
+    strays.into_iter().map(copy).collect()
 }
 
 /// Values that change by less than this share are Rayleigh quotients up to rounding.

@@ -109,6 +109,10 @@ pub(super) fn start(
 ) -> Result<Option<Found>, HsimError> {
     let of = (wanted.pairs, kernel.dimension());
     let mut scout = Scout::new(level, symbolic);
+    if level.positions.is_empty() && kernel.dimension() == 0 && !scout.is_semidefinite()? {
+        let Some(shift) = scout.middle_of_either_sign(wanted.pairs, monitor)? else { return Ok(None) };
+        return pairs_or_none(level, symbolic, kernel, &shift, wanted, monitor);
+    }
     let Some(shift) = scout.middle(of, wanted.least_shift, monitor)? else { return Ok(None) };
     let found = pairs_or_none(level, symbolic, kernel, &shift, wanted, monitor)?;
     if found.is_some() {
@@ -124,7 +128,7 @@ pub(super) fn start(
 }
 
 /// As [`pairs`]; nothing where the space breaks down: another start may serve.
-fn pairs_or_none(
+pub(super) fn pairs_or_none(
     level: &Level,
     symbolic: &SymbolicFactor,
     kernel: &Kernel<'_>,

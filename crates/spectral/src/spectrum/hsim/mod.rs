@@ -20,6 +20,7 @@ mod krylov;
 mod lanczos;
 mod level;
 mod offset;
+mod outliers;
 pub mod parts;
 mod polish;
 mod published;
@@ -229,6 +230,7 @@ pub(in crate::spectrum) use climb::{columns, is_dense, is_dense_by_blocks, solve
 pub use climb::{solve, solve_with_space};
 pub use dense_pairs::repair_bytes;
 pub(in crate::spectrum) use offset::{constants_in_kernel, is_balanced};
+pub(in crate::spectrum) use ritz::ritz;
 pub use semidefinite::krylov_columns;
 pub(in crate::spectrum) use semidefinite::{AboveKernel, above_kernel};
 

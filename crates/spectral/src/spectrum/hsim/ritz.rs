@@ -10,7 +10,7 @@ const DEPENDENT: f64 = 1e-13;
 
 /// The `count` lowest Ritz pairs of `K z = θ G z`: values ascending and `G`-orthonormal vectors, `q × count`; fewer where the columns that `G` is the
 /// Gram matrix of are dependent.
-pub(super) fn ritz(
+pub(in crate::spectrum) fn ritz(
     stiffness: DenseMatrix,
     gram: DenseMatrix,
     count: usize,

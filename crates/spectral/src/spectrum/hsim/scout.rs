@@ -61,9 +61,14 @@ pub(super) struct Window {
 impl Window {
     /// A factor at a shift below all eigenvalues, by a little of the window's width.
     pub fn factor_below<'a>(&self, level: &Level, symbolic: &'a SymbolicFactor) -> Result<Factor<'a>, HsimError> {
+        Ok(self.shift_below(level, symbolic)?.factor)
+    }
+
+    /// The same with its shift.
+    pub fn shift_below<'a>(&self, level: &Level, symbolic: &'a SymbolicFactor) -> Result<Shift<'a>, HsimError> {
         let below = self.low - (self.high - self.low).abs() / 16.0;
-        let (_, factor) = factor_near(level, symbolic, below, level.spread(), Vec::new())?;
-        Ok(factor)
+        let (at, factor) = factor_near(level, symbolic, below, level.spread(), Vec::new())?;
+        Ok(Shift { at, factor, below: 0 })
     }
 }
 
@@ -98,7 +103,8 @@ impl<'a> Scout<'a> {
         self.spread
     }
 
-    fn count(&mut self, shift: f64) -> Result<usize, HsimError> {
+    /// The eigenvalues below a shift.
+    pub fn count(&mut self, shift: f64) -> Result<usize, HsimError> {
         Ok(count_near(self.level, self.symbolic, shift, self.spread())?.below)
     }
 
@@ -127,6 +133,10 @@ impl<'a> Scout<'a> {
         if let Some(bound) = bound {
             return self.tighten(base, bound, kernel && semidefinite, semidefinite);
         }
+        if !semidefinite {
+            let high = self.end_of_lowest(wanted, base, monitor)?;
+            return self.tighten(base, high, false, semidefinite);
+        }
         let mut at = self.distance(wanted as f64).max(zero).min(spread);
         let (mut few, mut many): (Tried, Tried) = (None, None);
         for _ in 0..MOST {
@@ -145,6 +155,38 @@ impl<'a> Scout<'a> {
         let high = base + many.or(few).map_or(spread, |(at, _)| at);
         let low = few.filter(|&(_, found)| found == 0).map_or(base, |(at, _)| base + at);
         self.tighten(low, high, kernel && semidefinite, semidefinite)
+    }
+
+    /// A shift with the lowest `wanted` eigenvalues below and not many more, where some are negative and none lies below `floor`. No law tells how far apart
+    /// they lie, and a few may lie far below all others: it is halves that find it.
+    fn end_of_lowest(&mut self, wanted: usize, floor: f64, monitor: &dyn Monitor) -> Result<f64, HsimError> {
+        let (spread, most) = (self.spread(), self.most_counts());
+        let (mut few, mut many) = (floor, 0.0);
+        let mut found = self.count(many)?;
+        while found < wanted && many < spread {
+            monitor.checkpoint()?;
+            (few, many) = (many, (16.0 * many).max(-floor / 64.0).min(spread));
+            found = self.count(many)?;
+        }
+        for _ in 0..most {
+            if found <= ENOUGH * wanted || many - few <= NARROW * many.abs().max(few.abs()) {
+                break;
+            }
+            monitor.checkpoint()?;
+            let middle = 0.5 * (few + many);
+            let below = self.count(middle)?;
+            if below < wanted {
+                few = middle;
+            } else {
+                (many, found) = (middle, below);
+            }
+        }
+        Ok(many)
+    }
+
+    /// How many counts a search may take.
+    fn most_counts(&self) -> usize {
+        if self.symbolic.entries() <= SPARSE * self.level.size() { MOST_SPARSE } else { MOST }
     }
 
     /// A positive shift with about half of the lowest `wanted` eigenvalues below that are not those of the kernel; nothing where none is found, as
@@ -246,6 +288,48 @@ impl<'a> Scout<'a> {
         let (at, factor) = factor_near(self.level, self.symbolic, at, spread, std::mem::take(&mut self.storage))?;
         let below = factor.eigenvalues_below().saturating_sub(kernel);
         Ok(Some(Shift { at, factor, below }))
+    }
+
+    /// As [`Self::middle`] where some eigenvalues are negative: a shift of either sign, between one below all eigenvalues and one above those that are
+    /// wanted. A few values may lie far below all others.
+    pub fn middle_of_either_sign(
+        &mut self,
+        wanted: usize,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<Shift<'a>>, HsimError> {
+        let Window { low, high, .. } = self.window(wanted, None, false, monitor)?;
+        let (target, spread) = (MIDDLE * wanted as f64, self.spread());
+        let (enough, at_last) = (shares(MIDDLE_ENOUGH, wanted), shares(MIDDLE_AT_LAST, wanted));
+        let most = 2 * self.most_counts();
+        let (mut few, mut many) = ((low, 0), (high, None));
+        for attempt in 0..most {
+            monitor.checkpoint()?;
+            let width = many.0 - few.0;
+            if !(width > NARROW * many.0.abs().max(few.0.abs())) {
+                break;
+            }
+            let share = match many.1 {
+                Some(above) if attempt % 2 == 1 => ((target - few.1 as f64) / (above - few.1) as f64).clamp(0.05, 0.95),
+                _ => 0.5,
+            };
+            let storage = std::mem::take(&mut self.storage);
+            let factored = factor_near(self.level, self.symbolic, few.0 + share * width, spread, storage);
+            let (at, factor) = match factored {
+                Err(HsimError::Numerical(_)) => return Ok(None),
+                factored => factored?,
+            };
+            let below = factor.eigenvalues_below();
+            if (if attempt < most / 2 { &enough } else { &at_last }).contains(&(below as f64)) {
+                return Ok(Some(Shift { at, factor, below }));
+            }
+            self.storage = factor.into_storage();
+            if (below as f64) < target {
+                few = (at, below);
+            } else {
+                many = (at, Some(below));
+            }
+        }
+        Ok(None)
     }
 
     /// Memory of a factor that is not needed any more, for the next one.

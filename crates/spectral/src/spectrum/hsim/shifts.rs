@@ -1,5 +1,7 @@
 //! Shifts for columns by their values, and factors there.
 
+use std::ops::Range;
+
 use chladni_algebra::{Factor, FactorError, PANEL_WIDTH, SymbolicFactor};
 
 use super::HsimError;
@@ -10,7 +12,17 @@ use super::level::Level;
 /// Consecutive panels with one shift.
 #[derive(Debug, Clone)]
 pub(super) struct Group {
-    pub panels: std::ops::Range<usize>,
+    pub panels: Range<usize>,
+    pub shift: f64,
+    /// Columns of these panels that lie too far below the shift.
+    pub strays: Vec<Strays>,
+}
+
+/// Consecutive columns with a shift of their own: values far below all others, which a solve with the shift of the others would turn into what the
+/// block lacks.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Strays {
+    pub columns: Range<usize>,
     pub shift: f64,
 }
 
@@ -18,14 +30,18 @@ pub(super) struct Group {
 /// columns need the most of a solve.
 pub(super) fn groups(values: &[f64], plan: &Plan) -> Vec<Group> {
     let panels = values.len().div_ceil(PANEL_WIDTH);
-    let lowest = shift(&values[..values.len().min(LOWEST)]);
-    let mut groups = vec![Group { panels: 0..1.min(panels), shift: lowest }];
+    let top = values.last().copied().unwrap_or_default();
+    let group = |panels: Range<usize>, by: usize| {
+        let from = panels.start * PANEL_WIDTH;
+        let members = &values[from..(panels.end * PANEL_WIDTH).min(values.len())];
+        let shift = shift(&members[..by.min(members.len())]);
+        Group { panels, shift, strays: strays(members, shift, top, from) }
+    };
+    let mut groups = vec![group(0..1.min(panels), LOWEST)];
     let count = (panels - 1).div_ceil(plan.panels_per_shift);
-    groups.extend((0..count).map(|k| {
-        let range = 1 + k * (panels - 1) / count..1 + (k + 1) * (panels - 1) / count;
-        let (from, to) = (range.start * PANEL_WIDTH, (range.end * PANEL_WIDTH).min(values.len()));
-        Group { panels: range, shift: shift(&values[from..to]) }
-    }));
+    groups.extend(
+        (0..count).map(|k| group(1 + k * (panels - 1) / count..1 + (k + 1) * (panels - 1) / count, usize::MAX)),
+    );
     groups
 }
 
@@ -34,6 +50,7 @@ pub(super) const LOWEST: usize = 12;
 
 /// A shift near the middle of ascending values, in the widest gap there; just below them where they are as good as one.
 pub(super) fn shift(values: &[f64]) -> f64 {
+    let values = bulk(values);
     let (least, most) = (values[0], values[values.len() - 1]);
     let (middle, reach) = (0.5 * (least + most), 0.12 * (most - least));
     let gap = values
@@ -47,6 +64,50 @@ pub(super) fn shift(values: &[f64]) -> f64 {
         _ => least - BESIDE * least.abs(),
     }
 }
+
+/// Ascending values without those at the ends that lie so far out that the middle between the ends is not among the middle half of the values.
+fn bulk(mut values: &[f64]) -> &[f64] {
+    loop {
+        let (quarter, last) = (values.len() / 4, values.len() - 1);
+        let middle = 0.5 * (values[0] + values[last]);
+        if quarter == 0 || values[quarter] <= middle && middle <= values[last - quarter] {
+            return values;
+        }
+        values = &values[quarter..=last - quarter];
+    }
+}
+
+/// Those of ascending values, the columns from `from` on, that lie too far below the shift of their group, as measured by how far above it the
+/// block ends: a solve damps what lies beyond the block by the ratio of the two. They are parted at their widest gaps until their own shifts serve them.
+pub(super) fn strays(values: &[f64], shift: f64, top: f64, from: usize) -> Vec<Strays> {
+    let count = values.partition_point(|&value| shift - value > FAR_BELOW * (top - shift).abs());
+    let mut strays = Vec::new();
+    let mut open: Vec<Range<usize>> = if count == 0 { Vec::new() } else { vec![0..count] };
+    while let Some(range) = open.pop() {
+        let part = &values[range.clone()];
+        let own = self::shift(part);
+        let farthest = (part[0] - own).abs().max((part[part.len() - 1] - own).abs());
+        let parts = strays.len() + open.len() + 1;
+        if part.len() == 1 || farthest <= SERVED * (top - own).abs() || parts >= MOST_PARTS {
+            strays.push(Strays { columns: from + range.start..from + range.end, shift: own });
+            continue;
+        }
+        let widest = (1..part.len()).max_by(|&a, &b| (part[a] - part[a - 1]).total_cmp(&(part[b] - part[b - 1])));
+        let cut = range.start + widest.unwrap_or(1);
+        open.extend([range.start..cut, cut..range.end]);
+    }
+    strays
+}
+
+/// Columns so many times farther below a shift than the end of the block lies above it have another. Columns of the last panel, with their shift in the
+/// middle, lie about as far.
+const FAR_BELOW: f64 = 2.0;
+
+/// A shift of strays serves them where they lie no farther from it than this share of the way to the end of the block.
+const SERVED: f64 = 0.25;
+
+/// The most shifts of the strays of one group.
+const MOST_PARTS: usize = 8;
 
 /// Values whose gaps are smaller than this, relative to themselves, are not told apart by a shift.
 const CLUSTER: f64 = 1e-3;

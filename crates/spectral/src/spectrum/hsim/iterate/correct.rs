@@ -9,8 +9,8 @@ use rayon::prelude::*;
 use super::super::HsimError;
 use super::super::columns::normalise;
 use super::super::ritz::ritz;
-use super::super::shifts::{Group, LOWEST, factor_near, shift};
-use super::Iteration;
+use super::super::shifts::{LOWEST, Strays, factor_near, shift, strays};
+use super::{Iteration, taken_out};
 
 /// A coupling of a new direction with an old column counts from this share of what the tolerance allows.
 const COUPLED: f64 = 0.1;
@@ -133,8 +133,15 @@ impl<'a> Iteration<'a> {
     /// Solves with residuals as right-hand sides, each panel with a shift near its values.
     fn solve_residuals(&mut self, values: &[f64], directions: &mut PanelMatrix) -> Result<(), HsimError> {
         let low = self.order().get(LOWEST).map_or(0.0, |&column| self.values[column]);
+        let top = self.values.iter().copied().fold(f64::MIN, f64::max);
+        let apart: Vec<Strays> = values
+            .chunks(PANEL_WIDTH)
+            .enumerate()
+            .flat_map(|(k, values)| strays(values, shift(values), top, k * PANEL_WIDTH))
+            .collect();
+        let apart = taken_out(apart, directions);
         let mut panels = directions.panels_mut().iter_mut();
-        let mut open: Vec<(Group, &mut Vec<f64>)> = Vec::new();
+        let mut open: Vec<(f64, &mut Vec<f64>)> = Vec::new();
         let mut known: Vec<(&Factor<'_>, &mut Vec<f64>)> = Vec::new();
         for (values, panel) in values.chunks(PANEL_WIDTH).zip(panels.by_ref()) {
             // A factor at hand serves as long as its shift is not much farther away than the columns are wide apart.
@@ -145,7 +152,7 @@ impl<'a> Iteration<'a> {
             });
             match near.min_by(|a, b| a.0.total_cmp(&b.0)) {
                 Some((farthest, factor)) if farthest <= NEAR => known.push((factor, panel)),
-                _ => open.push((Group { panels: 0..1, shift: shift(values) }, panel)),
+                _ => open.push((shift(values), panel)),
             }
         }
         known.into_par_iter().try_for_each(|(factor, panel)| {
@@ -154,17 +161,17 @@ impl<'a> Iteration<'a> {
             self.kernel.remove_from_panel(panel);
             Ok::<(), HsimError>(())
         })?;
+        let kernel = self.kernel;
         let width = self.batch();
         for batch in open.chunks_mut(width) {
             let storage: Vec<Vec<f64>> = batch.iter().map(|_| self.storage()).collect();
-            let (level, symbolic, monitor, kernel, spread) =
-                (self.level, self.symbolic, self.monitor, self.kernel, self.spread);
+            let (level, symbolic, monitor, spread) = (self.level, self.symbolic, self.monitor, self.spread);
             let factors: Vec<(f64, Factor<'a>)> = batch
                 .par_iter_mut()
                 .zip(storage)
-                .map(|((group, panel), storage)| {
+                .map(|((shift, panel), storage)| {
                     monitor.checkpoint()?;
-                    let (at, factor) = factor_near(level, symbolic, group.shift, spread, storage)?;
+                    let (at, factor) = factor_near(level, symbolic, *shift, spread, storage)?;
                     factor.solve_panel(panel);
                     kernel.remove_from_panel(panel);
                     Ok((at, factor))
@@ -172,6 +179,9 @@ impl<'a> Iteration<'a> {
                 .collect::<Result<_, HsimError>>()?;
             self.note(factors);
         }
-        Ok(())
+        self.solve_apart(apart, directions, |factor, panel, _| {
+            factor.solve_panel(panel);
+            kernel.remove_from_panel(panel);
+        })
     }
 }
