@@ -423,7 +423,6 @@ const SHIFTED: usize = 1 << 15;
 pub(super) const LARGEST_GROWTH: f64 = 1e6;
 
 /// Pivoting inside supernodes.
-#[derive(Clone)]
 pub(super) struct Pivoting {
     /// The row that comes `k`-th; a permutation of the rows of each supernode.
     pub order: Vec<u32>,
@@ -463,13 +462,6 @@ impl FactorNumbers {
     pub fn into_single(self) -> FactorNumbers<f32> {
         let Self { values, inverse, pivoting } = self;
         FactorNumbers { values: values.into_iter().map(|value| value as f32).collect(), inverse, pivoting }
-    }
-
-    /// The same beside it, for what can do with fewer digits.
-    pub fn to_single(&self) -> FactorNumbers<f32> {
-        let Self { values, inverse, pivoting } = self;
-        let values = values.par_iter().map(|&value| value as f32).collect();
-        FactorNumbers { values, inverse: inverse.clone(), pivoting: pivoting.clone() }
     }
 }
 

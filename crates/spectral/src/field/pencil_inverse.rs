@@ -1,7 +1,7 @@
 //! Inverses of sums of restricted matrices by sparse factors, whole and by halves.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use chladni_algebra::{FactorNumbers, HalfSolved, PANEL_WIDTH, Sides};
 use rayon::prelude::*;
@@ -32,8 +32,6 @@ pub(super) fn split(sum: &Sum<'_>) -> Option<Roots> {
 pub(super) struct Factored {
     pub structure: Arc<Structure>,
     pub numbers: FactorNumbers,
-    /// The same in single precision, once a field was wanted in so many digits.
-    pub single: OnceLock<FactorNumbers<f32>>,
     pub rows: usize,
     /// Where `x` and `y` of each column are in the system; `u32::MAX` where there is no `y`.
     pub places: Vec<(u32, u32)>,
@@ -120,13 +118,6 @@ impl Factored {
         half
     }
 
-    /// All unknowns, to the digits of single precision.
-    fn substituted_roughly(&self, mut half: Vec<f64>) -> Vec<f64> {
-        let single = self.single.get_or_init(|| self.numbers.to_single());
-        self.structure.tree.substitute(&self.structure.symbolic, single, &mut half);
-        half
-    }
-
     fn x(&self, all: &[f64]) -> Vec<f64> {
         self.places.iter().map(|&(at, _)| all[at as usize]).collect()
     }
@@ -149,6 +140,7 @@ impl SparseInverse {
     }
 
     /// Whether it is that of two inverses.
+    #[cfg(test)]
     pub fn is_difference(&self) -> bool {
         self.second.is_some()
     }
@@ -156,9 +148,7 @@ impl SparseInverse {
     /// About the bytes of the factors and of the halves of solves that are kept.
     pub fn bytes(&self) -> u64 {
         let factors = self.bytes_of_factors();
-        // Numbers in single precision are half as long.
-        let single = if self.second.is_some() { factors / 2 } else { 0 };
-        factors + single + factors / HALVES
+        factors + factors / HALVES
     }
 
     fn bytes_of_factors(&self) -> u64 {
@@ -229,30 +219,12 @@ impl SparseInverse {
 
     /// The other half: `x = K⁻¹ f`, and `M̄⁻¹ S̄ x` where it comes with it.
     pub fn substituted(&self, half: Half) -> (Vec<f64>, Option<Vec<f64>>) {
-        self.substituted_by(Factored::substituted, half)
-    }
-
-    /// The same to about six digits of the largest numbers nearby, where it is that of two inverses. The time of a substitution is that of reading the
-    /// factors, and these are half as long; no step of it takes more than means of numbers that are there already, so that what single precision
-    /// leaves out of the factor is not made larger, as it would be by elimination.
-    pub fn substituted_roughly(&self, half: Half) -> (Vec<f64>, Option<Vec<f64>>) {
-        match self.second {
-            Some(_) => self.substituted_by(Factored::substituted_roughly, half),
-            None => self.substituted(half),
-        }
-    }
-
-    fn substituted_by(
-        &self,
-        substituted: impl Fn(&Factored, Vec<f64>) -> Vec<f64> + Sync,
-        half: Half,
-    ) -> (Vec<f64>, Option<Vec<f64>>) {
         if let (Some((second, split)), Some(other)) = (&self.second, half.second) {
-            let solve = |factor: &Factored, half: Vec<f64>| factor.x(&substituted(factor, half));
+            let solve = |factor: &Factored, half: Vec<f64>| factor.x(&factor.substituted(half));
             let (own, other) = rayon::join(|| solve(&self.first, half.first), || solve(second, other));
             return split.taken_together(&own, &other);
         }
-        let all = substituted(&self.first, half.first);
+        let all = self.first.substituted(half.first);
         let laplacian = || self.first.places.iter().map(|&(_, at)| all[at as usize] / self.first.root).collect();
         (self.first.x(&all), (self.first.root > 0.0).then(laplacian))
     }
@@ -264,7 +236,7 @@ impl SparseInverse {
             rayon::join(|| self.first.apply(&mut own), || second.apply(&mut other));
             return split.taken_together(&own, &other).1;
         }
-        let Factored { structure, numbers, rows, places, root, .. } = &self.first;
+        let Factored { structure, numbers, rows, places, root } = &self.first;
         let mut both = vec![0.0; *rows];
         for (at, &(x, y)) in places.iter().enumerate() {
             if y == u32::MAX {

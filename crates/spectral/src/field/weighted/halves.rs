@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use chladni_algebra::{DenseMatrix, Sides, solve_definite};
+use chladni_algebra::{DenseMatrix, Sides};
 use rayon::prelude::*;
 
 use super::super::constraints::Condition;
@@ -91,7 +91,6 @@ impl WeightedModel {
                 }
             }
         }
-        let reach = compliance.clone();
         let y = self.multipliers(rows, compliance, conditions, (b, kernel), &mut found.field)?;
         let mut half = inverse.no_half();
         halves.iter().zip(y.chunks_exact(b)).for_each(|(own, y)| own.add_to(y, &mut half));
@@ -99,14 +98,10 @@ impl WeightedModel {
             let share: f64 = values.iter().zip(&y).map(|(values, y)| values[k] * y).sum();
             half.add(idle, -share);
         }
-        let (mut moved, laplacian) = inverse.substituted_roughly(half);
+        let (mut moved, laplacian) = inverse.substituted(half);
         for one in idle {
             let share = dot(&one.image, &moved);
             moved.iter_mut().zip(&one.field).for_each(|(x, z)| *x -= share * z);
-        }
-        if inverse.is_difference() {
-            let wanted: Vec<f64> = (0..y.len()).map(|i| dot(reach.column(i), &y)).collect();
-            reaching(&entries_of(rows), &wanted, &mut moved);
         }
         // Beside a field that is there already, its own would have to be known.
         found.laplacian = laplacian.filter(|_| self.alignments.is_empty() && self.prescription.is_none());
@@ -115,36 +110,5 @@ impl WeightedModel {
             found.force.iter_mut().zip(rows.column(column)).for_each(|(f, r)| *f += y * r);
         }
         Ok(())
-    }
-}
-
-/// The entries of each column that are not zero.
-fn entries_of(columns: &DenseMatrix) -> Vec<Vec<(usize, f64)>> {
-    let entries = |j: usize| columns.column(j).iter().copied().enumerate().filter(|entry| entry.1 != 0.0).collect();
-    (0..columns.columns()).into_par_iter().map(entries).collect()
-}
-
-/// Has a field reach what it is to have along some rows, where rounding has left something of it: by the least change of its numbers.
-fn reaching(rows: &[Vec<(usize, f64)>], wanted: &[f64], field: &mut [f64]) {
-    let along = |row: &[(usize, f64)], field: &[f64]| row.iter().map(|&(at, u)| u * field[at]).sum::<f64>();
-    let mut missing = DenseMatrix::zeros(rows.len(), 1);
-    for ((missing, row), wanted) in missing.column_mut(0).iter_mut().zip(rows).zip(wanted) {
-        *missing = wanted - along(row, field);
-    }
-    let mut square = DenseMatrix::zeros(rows.len(), rows.len());
-    let mut spread = vec![0.0; field.len()];
-    for (j, row) in rows.iter().enumerate() {
-        row.iter().for_each(|&(at, u)| spread[at] = u);
-        square.column_mut(j).iter_mut().zip(rows).for_each(|(s, other)| *s = along(other, &spread));
-        row.iter().for_each(|&(at, _)| spread[at] = 0.0);
-    }
-    // Faces with nearly the same numbers miss nearly the same: a little more on the diagonal leaves that to be shared.
-    let mean = (0..rows.len()).map(|j| square.column(j)[j]).sum::<f64>() / rows.len().max(1) as f64;
-    (0..rows.len()).for_each(|j| square.column_mut(j)[j] += 1e-13 * mean + f64::MIN_POSITIVE);
-    if solve_definite(square, &mut missing).is_err() {
-        return;
-    }
-    for (row, t) in rows.iter().zip(missing.column(0)) {
-        row.iter().for_each(|&(at, u)| field[at] += t * u);
     }
 }
