@@ -8,8 +8,8 @@ use chladni_spectral::basis::ProductKind;
 use chladni_spectral::field::{DesignModel, FullSpace};
 use chladni_work::Provenance;
 use chladni_work::design::{
-    AlignmentRequest, DesignFault, DesignRequest, Designed, FacesRequest, FieldSource, FieldTable, Goal, KeptFields,
-    NamedTarget, NamedWeights, PerFace, Setting, Target, numerators,
+    AlignmentRequest, DesignRequest, Designed, FacesRequest, FieldSource, FieldTable, Goal, KeptFields, NamedTarget,
+    NamedWeights, PerFace, Setting, Target, numerators,
 };
 use uuid::Uuid;
 
@@ -18,7 +18,7 @@ use super::patience::{self, Patience};
 use crate::http::bases::find_kind;
 use crate::http::body;
 use crate::http::client::ClientState;
-use crate::http::problem::{self, Problem};
+use crate::http::problem::Problem;
 
 /// About the bytes that are held for each face and number of a block of it while an operator is assembled and ordered for its factors, or its levels
 /// are made.
