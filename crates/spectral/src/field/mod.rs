@@ -7,7 +7,6 @@ mod compliance;
 mod constraints;
 mod cover;
 mod cycle;
-mod cycle_rows;
 mod decomposition;
 mod design;
 mod direct;

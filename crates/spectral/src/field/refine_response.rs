@@ -31,9 +31,6 @@ const MOST_STEPS: usize = 400;
 /// How well the product is solved that preconditions another sum.
 const PRECONDITION: f64 = 1e-2;
 
-/// Rounds in single precision get on where each leaves less than this share of the squared residual.
-const SLOW: f64 = 0.01;
-
 /// Numbers that one task handles. Sums are formed in pieces that do not depend on the number of threads.
 const PIECE: usize = 1 << 14;
 
@@ -230,9 +227,6 @@ impl<const B: usize> Factor<'_, B> {
             return Ok(x);
         }
         let kernel = if self.gamma == 0.0 { kernel } else { None };
-        if let (Solver::Cycles(cycles), None) = (&self.solver, kernel) {
-            return self.by_rounds(whole, cycles, f, tolerance, monitor);
-        }
         let apply = |x: &[f64]| if self.gamma > 0.0 { whole.shifted(self.gamma, x) } else { whole.stiff(x) };
         let precondition = |r: &[f64]| {
             let mut z = self.once(r);
@@ -240,46 +234,6 @@ impl<const B: usize> Factor<'_, B> {
             Ok(z)
         };
         conjugate_gradients(apply, precondition, f, tolerance, monitor)
-    }
-
-    /// The same in rounds of single precision, each for what those before have left, and where these do not get on in double precision for the rest.
-    fn by_rounds(
-        &self,
-        whole: &Whole<B>,
-        cycles: &Shifted<'_, B>,
-        f: &[f64],
-        tolerance: f64,
-        monitor: &dyn Monitor,
-    ) -> Result<Vec<f64>, RefineError> {
-        let apply = |x: &[f64]| if self.gamma > 0.0 { whole.shifted(self.gamma, x) } else { whole.stiff(x) };
-        let (mut x, mut rest) = (vec![0.0; f.len()], f.to_vec());
-        let (mut goal, mut last) = (None, f64::INFINITY);
-        loop {
-            let of_first = |before: f64| *goal.get_or_insert(before * tolerance * tolerance);
-            let round = cycles.round(self.gamma, &rest, of_first, monitor)?;
-            let goal = goal.unwrap_or(0.0);
-            if !(round.before <= SLOW * last) {
-                break;
-            }
-            add(&mut x, &round.x, 1.0);
-            if round.after.abs() <= goal {
-                return Ok(x);
-            }
-            rest = apply(&x);
-            rest.par_iter_mut().zip(f.par_iter()).with_min_len(PIECE).for_each(|(rest, f)| *rest = f - *rest);
-            if !(round.after <= SLOW * round.before) {
-                break;
-            }
-            last = round.before;
-        }
-        let left = dot(&rest, &self.once(&rest));
-        let goal = goal.unwrap_or(0.0);
-        if left.abs() <= goal {
-            return Ok(x);
-        }
-        let more = conjugate_gradients(apply, |r: &[f64]| Ok(self.once(r)), &rest, (goal / left).sqrt(), monitor)?;
-        add(&mut x, &more, 1.0);
-        Ok(x)
     }
 
     /// About `(S + γM)⁻¹ f`, `γ > 0`: to a tolerance, or as far as it came.

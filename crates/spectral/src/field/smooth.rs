@@ -48,6 +48,11 @@ impl<const B: usize> Rows<B> {
         self.offsets[row] as usize..self.offsets[row + 1] as usize
     }
 
+    /// The bytes that it takes.
+    pub fn bytes(&self) -> u64 {
+        (4 * (self.offsets.len() + self.indices.len()) + size_of::<Small<B>>() * self.blocks.len()) as u64
+    }
+
     /// Numbers by which rows are to be divided so that the spectrum ends at 2.
     fn scales(&self) -> Vec<f32> {
         (0..self.offsets.len() - 1)
