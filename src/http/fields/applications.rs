@@ -1,17 +1,17 @@
 //! What is made of designed fields: fur and hatchings.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use axum::body::Body;
 use axum::http::HeaderMap;
-use chladni_work::design::{DesignFault, FurRequest, HatchingAnswer, HatchingRequest, Line};
+use chladni_work::design::{FurRequest, HatchingAnswer, HatchingRequest, Line};
 use chladni_work::table::Table;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::design::read;
 use super::octets;
-use super::patience::Patience;
+use super::patience::{self, Patience};
 use super::solve::{self, LoadedBasis};
 use crate::http::body;
 use crate::http::client::ClientState;
@@ -20,7 +20,7 @@ use crate::http::exchange::{Answer, JSON, OCTETS};
 use crate::http::extract;
 use crate::http::ids::BasisId;
 use crate::http::numbering::{Numbered, NumberingQuery};
-use crate::http::problem::{self, Problem};
+use crate::http::problem::Problem;
 use crate::http::problems::problems;
 use crate::http::state::AppState;
 
@@ -32,8 +32,10 @@ pub fn routes() -> OpenApiRouter<AppState> {
 const SVG: &str = "image/svg+xml";
 const PNG: &str = "image/png";
 
-/// How long lines are laid within a request.
-const PATIENCE: Duration = Duration::from_secs(20);
+/// What to do where a picture takes too long.
+const FUR: &str =
+    "Ask for fewer strands, fewer points or a smaller picture, or paint it without a server: chladni fur.";
+const HATCHING: &str = "Ask for a larger spacing, fewer lines, fewer levels or a smaller picture, or draw it without a server: chladni hatching.";
 
 problems!(CombFurProblems: SOLVE BODY JSON [UNKNOWN_FIELD, INVALID_DESIGN, NO_FIELD_SURFACE]);
 
@@ -84,10 +86,11 @@ async fn comb(
         .solve("fur", move |monitor| {
             let _memory = memory;
             if by_area {
-                let monitor = Patience::new(begin, PATIENCE, monitor);
-                let coat = request.coat(&loaded, &field, &monitor).map_err(too_long)?;
+                let monitor = Patience::new(patience::USUAL, monitor);
+                let too_long = patience::too_long("fur", patience::USUAL, "The fur was not grown and painted", FUR);
+                let coat = request.coat(&loaded, &field, &monitor).map_err(&too_long)?;
                 if painted {
-                    let picture = request.picture(&loaded, &coat, &monitor).map_err(too_long)?;
+                    let picture = request.picture(&loaded, &coat, &monitor).map_err(&too_long)?;
                     return Ok(Answer::new(picture, PNG, begin).with("chladni-strands", coat.faces.len()));
                 }
                 let (rows, columns) = (coat.positions.concat(), 3 * coat.points);
@@ -154,14 +157,16 @@ async fn hatch(
     state
         .solve("hatching", move |monitor| {
             let _memory = memory;
-            let monitor = Patience::new(begin, PATIENCE, monitor);
+            let monitor = Patience::new(patience::USUAL, monitor);
+            let too_long =
+                patience::too_long("hatching", patience::USUAL, "The lines were not laid and drawn", HATCHING);
             if !drawn {
-                let lines = request.lines(&loaded, field, &monitor).map_err(too_long)?;
+                let lines = request.lines(&loaded, field, &monitor).map_err(&too_long)?;
                 let mut lines: Vec<Line> = lines.into_iter().map(Line::from).collect();
                 lines.iter_mut().flat_map(|line| &mut line.faces).for_each(|face| *face = to.file_face(*face));
                 return Answer::json(&HatchingAnswer { lines }, begin);
             }
-            let (drawing, lines) = request.drawing(&loaded, field, &monitor).map_err(too_long)?;
+            let (drawing, lines) = request.drawing(&loaded, field, &monitor).map_err(&too_long)?;
             let bytes = match accepted {
                 PNG => drawing.png().ok_or_else(|| Problem::internal("a drawing without a size"))?,
                 _ => drawing.svg().into_bytes(),
@@ -169,16 +174,4 @@ async fn hatch(
             Ok(Answer::new(bytes, accepted, begin).with("chladni-lines", lines))
         })
         .await
-}
-
-/// What is not drawn in time.
-fn too_long(fault: DesignFault) -> Problem {
-    match fault {
-        DesignFault::Cancelled(_) => Problem::within(
-            &problem::INVALID_DESIGN,
-            "hatching",
-            "This was not drawn within the time of a request; ask for a larger spacing, fewer lines or fewer strands.",
-        ),
-        other => other.into(),
-    }
 }

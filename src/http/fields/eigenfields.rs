@@ -14,8 +14,8 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::octets;
-use super::patience::Patience;
-use super::solve::{self, LoadedBasis, PATIENCE};
+use super::patience::{self, Patience};
+use super::solve::{self, LoadedBasis};
 use crate::http::body;
 use crate::http::client::ClientState;
 use crate::http::docs::Binary;
@@ -141,10 +141,11 @@ async fn eigenfields(
         let _memory = memory;
         let lifted = |k: usize| Ok(loaded.lift(&model.eigenfield(k))?.into_iter().map(f64::from).collect());
         let start = (0..together).map(lifted).collect::<Result<Vec<Vec<f64>>, Problem>>()?;
-        let patience = Patience::new(Instant::now(), PATIENCE, monitor);
-        let found = full.eigenfields(start, to, EigenfieldGoal::Tolerance(tolerance), &patience);
-        let found =
-            found.map_err(|error| if let RefineError::Cancelled(_) = error { too_long() } else { error.into() })?;
+        let instead = "Ask for fewer, or for a larger tolerance.";
+        let too_long = patience::too_long("refine", patience::USUAL, "The eigenfields were not corrected", instead);
+        let patient = Patience::new(patience::USUAL, monitor);
+        let found = full.eigenfields(start, to, EigenfieldGoal::Tolerance(tolerance), &patient);
+        let found = found.map_err(|error| too_long(error.into()))?;
         if !found.reached {
             return Err(RefineError::NotConverged { tolerance }.into());
         }
@@ -182,13 +183,4 @@ async fn whole(
     let mut memory = state.memory();
     body::reserve(&mut memory, LowestFields::bytes(together, loaded.fields.rows()))?;
     Ok((solve::full_space(state, loaded).await?, together, memory))
-}
-
-/// Fields that are not corrected in time.
-fn too_long() -> Problem {
-    Problem::within(
-        &problem::INVALID_DESIGN,
-        "refine",
-        "The eigenfields were not corrected within the time of a request; ask for fewer, or for a larger tolerance.",
-    )
 }

@@ -19,7 +19,7 @@ use uuid::Uuid;
 
 use super::cache;
 use super::design::read;
-use super::patience::Patience;
+use super::patience::{self, Patience};
 use super::solve::{self, LoadedBasis};
 use crate::http::body;
 use crate::http::client::ClientState;
@@ -123,8 +123,8 @@ async fn parametrise(
         _ => {
             let (own, field) = (surface.clone(), request.field.clone());
             let make = move |monitor: &dyn Monitor| {
-                let patience = Patience::new(begin, PATIENCE, monitor);
-                let found = field.crosses(&own, &patience).map_err(too_long)?;
+                let patient = Patience::new(PATIENCE, monitor);
+                let found = field.crosses(&own, &patient).map_err(too_long)?;
                 found.ok_or_else(|| Problem::internal("a field of a basis"))
             };
             state.solve("cross", make).await?
@@ -140,8 +140,8 @@ async fn parametrise(
     state
         .solve("quads", move |monitor| {
             let _memory = memory;
-            let patience = Patience::new(begin, PATIENCE, monitor);
-            let quads = request.quads(&surface.surface, crosses, &order, &patience).map_err(too_long)?;
+            let patient = Patience::new(PATIENCE, monitor);
+            let quads = request.quads(&surface.surface, crosses, &order, &patient).map_err(too_long)?;
             let quads = Quads { split, ..quads };
             if query.format == QuadsFormat::Json {
                 return Answer::json(&quads.answer(&surface.surface, &to)?, begin);
@@ -185,14 +185,9 @@ async fn of_basis(
 
 /// What is not computed in time.
 fn too_long(fault: DesignFault) -> Problem {
-    match fault {
-        DesignFault::Cancelled(_) => Problem::within(
-            &problem::INVALID_DESIGN,
-            "quads",
-            "The field and its coordinates were not found within the time of a request. Where the server is not busy otherwise, ask without integers or for less stiffening, or give the field.",
-        ),
-        other => other.into(),
-    }
+    let undone = "The field and its coordinates were not found";
+    let instead = "Ask without integers or for less stiffening, or give the field.";
+    patience::too_long("quads", PATIENCE, undone, instead)(fault)
 }
 
 impl From<QuadError> for Problem {

@@ -2,27 +2,23 @@
 
 use std::ops::Deref;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
 
 use chladni_base::{Monitor, Unwatched};
 use chladni_spectral::basis::ProductKind;
 use chladni_spectral::field::{DesignModel, FullSpace};
 use chladni_work::Provenance;
 use chladni_work::design::{
-    AlignmentRequest, DesignFault, DesignRequest, Designed, FacesRequest, FieldSource, FieldTable, Goal, KeptFields,
-    NamedTarget, NamedWeights, PerFace, Setting, Target, numerators,
+    AlignmentRequest, DesignRequest, Designed, FacesRequest, FieldSource, FieldTable, Goal, KeptFields, NamedTarget,
+    NamedWeights, PerFace, Setting, Target, numerators,
 };
 use uuid::Uuid;
 
 use super::cache;
-use super::patience::Patience;
+use super::patience::{self, Patience};
 use crate::http::bases::find_kind;
 use crate::http::body;
 use crate::http::client::ClientState;
-use crate::http::problem::{self, Problem};
-
-/// How long fields are refined within a request.
-pub const PATIENCE: Duration = Duration::from_secs(60);
+use crate::http::problem::Problem;
 
 /// About the bytes that are held for each face and number of a block of it while an operator is assembled and ordered for its factors, or its levels
 /// are made.
@@ -131,8 +127,11 @@ pub async fn design_with(
     let (loaded, request) = (loaded.clone(), request.clone());
     let solve = move |monitor: &dyn Monitor| {
         let _memory = memory;
-        let patience = Patience::new(Instant::now(), PATIENCE, monitor);
-        let (wanted, monitors) = ((constraints, coefficients), (&patience as &dyn Monitor, monitor));
+        let patient = Patience::new(patience::USUAL, monitor);
+        let (wanted, monitors) = ((constraints, coefficients), (&patient as &dyn Monitor, monitor));
+        let undone = "The design was not compared with the whole surface";
+        let instead = "Ask for a larger tolerance, or leave out refine and error.";
+        let too_long = patience::too_long("refine", patience::USUAL, undone, instead);
         let designed =
             loaded.answer_within(full.as_deref(), &weighted, &request, wanted, monitors).map_err(too_long)?;
         Ok(loaded.exactly(exact, designed))
@@ -153,18 +152,6 @@ pub async fn full_space(state: &ClientState, loaded: &LoadedBasis) -> Result<Arc
         Ok(own.full_space(monitor)?)
     };
     cache::kept(state, "full-space", &loaded.id, make).await
-}
-
-/// A design that is not refined in time.
-fn too_long(fault: DesignFault) -> Problem {
-    match fault {
-        DesignFault::Cancelled(_) => Problem::within(
-            &problem::INVALID_DESIGN,
-            "refine",
-            "The design was not compared with the whole surface within the time of a request; ask for a larger tolerance, or leave out refine and error.",
-        ),
-        other => other.into(),
-    }
 }
 
 /// The faces that an answer is about; a sample is drawn once.

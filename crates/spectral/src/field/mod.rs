@@ -44,6 +44,7 @@ mod refine_response;
 #[cfg(test)]
 mod refine_tests;
 mod roots;
+mod samples;
 mod singularity;
 mod slack;
 mod smooth;

@@ -3,7 +3,7 @@
 //! Where a field has several directions, lines cross those of the others and keep their distance only from their own kind: those that run within half
 //! the angle between two directions.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::VecDeque;
 
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::dual::NO_FACE;
@@ -11,6 +11,7 @@ use chladni_mesh::dual::NO_FACE;
 use crate::operator::frames::{Planar, multiply};
 
 use super::basis::FieldSurface;
+use super::samples::{Sample, Samples};
 
 /// Lines are sampled at this share of the spacing.
 const SAMPLE_SHARE: f64 = 0.25;
@@ -122,7 +123,7 @@ pub fn streamlines(
     monitor.stage("streamlines");
     let step = SAMPLE_SHARE * parameters.spacing;
     let mut hatching =
-        Hatching { surface, n, field, level: 0, spacing: 0.0, step, cells: HashMap::new(), lines: Vec::new() };
+        Hatching { surface, n, field, level: 0, spacing: 0.0, step, samples: Samples::new(1.0), lines: Vec::new() };
     for level in 0..parameters.levels {
         hatching.begin(level, parameters.spacing * f64::from(1u32 << (parameters.levels - 1 - level)));
         hatching.fill(parameters, monitor)?;
@@ -145,16 +146,6 @@ struct Seed {
     along: Planar,
 }
 
-/// A point of a line, in units of the square root of the area, with what it takes to compare it with others.
-struct Sample {
-    point: [f64; 3],
-    normal: [f64; 3],
-    direction: [f64; 3],
-    line: u32,
-    /// Arc length along its line.
-    along: f64,
-}
-
 struct Hatching<'a> {
     surface: &'a FieldSurface,
     n: u32,
@@ -163,7 +154,7 @@ struct Hatching<'a> {
     spacing: f64,
     /// The distance of samples along lines.
     step: f64,
-    cells: HashMap<[i32; 3], Vec<Sample>>,
+    samples: Samples,
     lines: Vec<Streamline>,
 }
 
@@ -178,9 +169,7 @@ impl Hatching<'_> {
     /// Goes on to a level with lines at another spacing: those that are there stay, in cells of its size.
     fn begin(&mut self, level: u32, spacing: f64) {
         (self.level, self.spacing) = (level, spacing);
-        for sample in std::mem::take(&mut self.cells).into_values().flatten() {
-            self.cells.entry(self.cell(sample.point)).or_default().push(sample);
-        }
+        self.samples = std::mem::replace(&mut self.samples, Samples::new(spacing)).resized(spacing);
     }
 
     /// Lays the lines of a level.
@@ -296,7 +285,7 @@ impl Hatching<'_> {
         seed: &Place,
         start: Planar,
         line: u32,
-        own: &mut HashMap<[i32; 3], Vec<Sample>>,
+        own: &mut Samples,
         sign: f64,
         monitor: &dyn Monitor,
     ) -> Result<Half, Cancelled> {
@@ -321,7 +310,7 @@ impl Hatching<'_> {
                 if stopped {
                     break;
                 }
-                self.insert(own, &place, direction, (line, sign * sampled));
+                own.insert(self.sample(&place, direction, (line, sign * sampled)));
                 samples += 1;
                 if samples.is_multiple_of(SAMPLES_AT_ONCE) {
                     monitor.checkpoint()?;
@@ -351,8 +340,8 @@ impl Hatching<'_> {
         monitor: &dyn Monitor,
     ) -> Result<Option<Streamline>, Cancelled> {
         let line = self.lines.len() as u32;
-        let mut own = HashMap::new();
-        self.insert(&mut own, &seed, start, (line, 0.0));
+        let mut own = Samples::new(self.spacing);
+        own.insert(self.sample(&seed, start, (line, 0.0)));
         let forward = self.follow(&seed, start, line, &mut own, 1.0, monitor)?;
         let backward = self.follow(&seed, [-start[0], -start[1]], line, &mut own, -1.0, monitor)?;
         if forward.length + backward.length < least || forward.places.len() + backward.places.len() == 0 {
@@ -368,9 +357,7 @@ impl Hatching<'_> {
             laid.points.push(self.position(place));
             laid.faces.push(place.face);
         }
-        for (cell, samples) in own {
-            self.cells.entry(cell).or_default().extend(samples);
-        }
+        self.samples.absorb(own);
         self.lines.push(laid.clone());
         Ok(Some(laid))
     }
@@ -456,33 +443,21 @@ impl Hatching<'_> {
         None
     }
 
-    fn cell(&self, point: [f64; 3]) -> [i32; 3] {
-        point.map(|x| (x / self.spacing).floor() as i32)
-    }
-
-    fn insert(
-        &self,
-        cells: &mut HashMap<[i32; 3], Vec<Sample>>,
-        place: &Place,
-        direction: Planar,
-        (line, along): (u32, f64),
-    ) {
-        let point = self.point(place);
+    fn sample(&self, place: &Place, direction: Planar, (line, along): (u32, f64)) -> Sample {
         let (frames, face) = (self.surface.frames(), place.face as usize);
-        let sample =
-            Sample { point, normal: frames.normal(face), direction: frames.to_world(face, direction), line, along };
-        cells.entry(self.cell(point)).or_default().push(sample);
+        let (normal, direction) = (frames.normal(face), frames.to_world(face, direction));
+        Sample { point: self.point(place), normal, direction, line, along }
     }
 
     fn is_near(&self, place: &Place, direction: Planar, distance: f64, own: Option<(u32, f64)>) -> bool {
-        self.near_in(&self.cells, place, direction, distance, own)
+        self.near_in(&self.samples, place, direction, distance, own)
     }
 
     /// Whether a sample of a line of the kind that runs in a direction lies within a distance, on the same side if there are two. Of the line `own`
     /// only what is far along it counts.
     fn near_in(
         &self,
-        cells: &HashMap<[i32; 3], Vec<Sample>>,
+        samples: &Samples,
         place: &Place,
         direction: Planar,
         distance: f64,
@@ -495,26 +470,12 @@ impl Hatching<'_> {
         // With one kind of lines any direction is near enough.
         let kinds = self.kinds();
         let alike = if kinds == 1 { -1.0 } else { (std::f64::consts::FRAC_PI_2 / f64::from(kinds)).cos() };
-        let [x, y, z] = self.cell(point);
-        for i in -1..=1 {
-            for j in -1..=1 {
-                for k in -1..=1 {
-                    let Some(samples) = cells.get(&[x + i, y + j, z + k]) else { continue };
-                    let near = samples.iter().any(|s| {
-                        let apart: f64 = (0..3).map(|i| (s.point[i] - point[i]).powi(2)).sum();
-                        let facing: f64 = (0..3).map(|i| s.normal[i] * normal[i]).sum();
-                        let turned: f64 = (0..3).map(|i| s.direction[i] * direction[i]).sum();
-                        let counts =
-                            own.is_none_or(|(line, along)| s.line != line || (s.along - along).abs() > 3.0 * distance);
-                        apart < distance * distance && (facing > 0.0 || one_sided) && turned.abs() > alike && counts
-                    });
-                    if near {
-                        return true;
-                    }
-                }
-            }
-        }
-        false
+        samples.any(point, distance, |s| {
+            let facing: f64 = (0..3).map(|i| s.normal[i] * normal[i]).sum();
+            let turned: f64 = (0..3).map(|i| s.direction[i] * direction[i]).sum();
+            let counts = own.is_none_or(|(line, along)| s.line != line || (s.along - along).abs() > 3.0 * distance);
+            (facing > 0.0 || one_sided) && turned.abs() > alike && counts
+        })
     }
 }
 

@@ -103,7 +103,7 @@ pub fn grow(
         grower.strand(face, weights, &mut random, &mut coat);
     }
     if p.clump > 0.0 {
-        gather(&mut coat, p.clump, surface.frames().area());
+        gather(&mut coat, p.clump, surface.frames().area(), monitor)?;
     }
     Ok(Some(coat))
 }
@@ -203,7 +203,7 @@ fn bell(random: &mut SplitMix64) -> f64 {
 }
 
 /// Draws the tips of strands to those of the nearest of some that lead.
-fn gather(coat: &mut Coat, clump: f64, area: f64) {
+fn gather(coat: &mut Coat, clump: f64, area: f64, monitor: &dyn Monitor) -> Result<(), Cancelled> {
     let strands = coat.faces.len();
     let apart = (area * FOLLOWERS as f64 / strands.max(1) as f64).sqrt();
     let cell = |p: [f64; 3]| p.map(|x| (x / apart).floor() as i64);
@@ -213,6 +213,9 @@ fn gather(coat: &mut Coat, clump: f64, area: f64) {
     }
     let before = coat.positions.clone();
     for strand in 0..strands {
+        if strand.is_multiple_of(1024) {
+            monitor.checkpoint()?;
+        }
         let root = before[strand * coat.points];
         let [x, y, z] = cell(root);
         let mut nearest: Option<(usize, f64)> = None;
@@ -235,6 +238,7 @@ fn gather(coat: &mut Coat, clump: f64, area: f64) {
             coat.positions[strand * coat.points + point] = [0, 1, 2].map(|i| (1.0 - share) * own[i] + share * other[i]);
         }
     }
+    Ok(())
 }
 
 /// Whether a strand is one that others gather around: one of so many, at random.

@@ -1,6 +1,9 @@
 //! Fur as pixels: strands with depth, lit along their length (Kajiya and Kay 1989), with the shadows that they throw on each other.
 
+use std::ops::Range;
+
 use chladni_base::{Cancelled, Monitor, SplitMix64};
+use rayon::prelude::*;
 
 use crate::operator::frames::{dot, unit_vector};
 
@@ -10,15 +13,19 @@ use super::coat::Coat;
 use super::light::{blend, corner_normals, from_light, usual};
 use super::png::png;
 use super::screen::{Screen, fill};
-
-/// An end of a piece of a strand: its place on the picture, its width and its colour.
-type Nib = ([f64; 3], f64, [f64; 3]);
+use super::strand::{Band, Nib};
 
 /// Pixels of a picture of fur at most.
 pub const MOST_PAINTED: u64 = 4_194_304;
 
 /// Samples of a picture at most: it takes as many a pixel as that allows, up to 3 along each side.
 const MOST_SAMPLES: u64 = 20_000_000;
+
+/// Points of strands that are painted between two looks at whether the work was cancelled.
+const POINTS_AT_ONCE: usize = 32_768;
+
+/// The rows of a picture are painted in so many parts at once.
+const BANDS: usize = 16;
 
 /// Pixels of the picture from the light, along each side.
 const SHADOW_PIXELS: u32 = 1536;
@@ -60,13 +67,12 @@ pub fn paint(
     let fine = (1..=3).rev().find(|fine| fine * fine * pixels <= MOST_SAMPLES).unwrap_or(1) as usize;
     let Some(screen) = Screen::new(surface.mesh(), camera, fine) else { return Ok(None) };
     monitor.stage("paint");
-    let mut canvas = Canvas::new(surface, screen, coat, style);
-    for strand in 0..coat.faces.len() {
-        if strand.is_multiple_of(4096) {
-            monitor.checkpoint()?;
-            monitor.progress(strand as f64 / coat.faces.len() as f64);
-        }
-        canvas.strand(coat, strand);
+    let mut canvas = Canvas::new(surface, screen, coat, style, monitor)?;
+    let (strands, together) = (coat.faces.len(), (POINTS_AT_ONCE / coat.points.max(1)).max(1));
+    for first in (0..strands).step_by(together) {
+        monitor.checkpoint()?;
+        monitor.progress(first as f64 / strands as f64);
+        canvas.paint(coat, first..(first + together).min(strands), monitor)?;
     }
     Ok(png(camera.width, camera.height, 3, &canvas.averaged(fine)))
 }
@@ -80,12 +86,21 @@ struct Shade {
 }
 
 impl Shade {
-    fn new(surface: &FieldSurface, coat: &Coat, towards: [f64; 3], length: f64) -> Option<Self> {
+    fn new(
+        surface: &FieldSurface,
+        coat: &Coat,
+        towards: [f64; 3],
+        length: f64,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<Self>, Cancelled> {
         let camera = from_light(surface.mesh(), towards, length, SHADOW_PIXELS);
-        let screen = Screen::new(surface.mesh(), &camera, 1)?;
+        let Some(screen) = Screen::new(surface.mesh(), &camera, 1) else { return Ok(None) };
         let mut depth = screen.pixels().1.to_vec();
         let view = screen.view.clone();
-        for strand in coat.positions.chunks_exact(coat.points.max(1)) {
+        for (k, strand) in coat.positions.chunks_exact(coat.points.max(1)).enumerate() {
+            if k.is_multiple_of(256) {
+                monitor.checkpoint()?;
+            }
             for pair in strand.windows(2) {
                 let (Some(a), Some(b)) = (view.project(pair[0]), view.project(pair[1])) else { continue };
                 let steps = (b[0] - a[0]).hypot(b[1] - a[1]).ceil().clamp(1.0, 4096.0) as usize;
@@ -96,7 +111,7 @@ impl Shade {
                 }
             }
         }
-        Some(Self { view, depth, soft: (0.6 * length).max(1e-300) })
+        Ok(Some(Self { view, depth, soft: (0.6 * length).max(1e-300) }))
     }
 
     /// How much light arrives at a point inside the fur.
@@ -125,7 +140,13 @@ struct Canvas {
 
 impl Canvas {
     /// The bare surface.
-    fn new(surface: &FieldSurface, screen: Screen<'_>, coat: &Coat, style: &HairStyle) -> Self {
+    fn new(
+        surface: &FieldSurface,
+        screen: Screen<'_>,
+        coat: &Coat,
+        style: &HairStyle,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, Cancelled> {
         let mesh = surface.mesh();
         let towards = style.light.map_or_else(|| usual(&screen.view), unit_vector);
         let root_and_tip = |s: &[[f64; 3]]| {
@@ -134,7 +155,7 @@ impl Canvas {
         };
         let strands = coat.positions.chunks_exact(coat.points.max(1));
         let longest = strands.map(root_and_tip).fold(0.0f64, f64::max).min(diagonal(mesh));
-        let shade = Shade::new(surface, coat, towards, longest.max(1e-3 * diagonal(mesh)));
+        let shade = Shade::new(surface, coat, towards, longest.max(1e-3 * diagonal(mesh)), monitor)?;
         let (faces, depths) = screen.pixels();
         let background = style.background.map(|c| linear(c) as f32);
         let mut colour = vec![background; depths.len()];
@@ -152,29 +173,36 @@ impl Canvas {
         }
         let covering = 0.55 * (surface.frames().area() / coat.faces.len().max(1) as f64).sqrt();
         let thickness = style.thickness.unwrap_or(covering);
-        Self { depth: depths.to_vec(), view: screen.view, colour, towards, shade, base, thickness }
+        let (depth, view) = (depths.to_vec(), screen.view);
+        Ok(Self { depth, view, colour, towards, shade, base, thickness })
     }
 
-    fn strand(&mut self, coat: &Coat, strand: usize) {
+    /// Paints some strands. Every pixel sees them in their order, in however many parts the picture is painted.
+    fn paint(&mut self, coat: &Coat, strands: Range<usize>, monitor: &dyn Monitor) -> Result<(), Cancelled> {
+        let nibs: Vec<Option<Nib>> = strands.into_par_iter().flat_map_iter(|strand| self.nibs(coat, strand)).collect();
+        let [width, height] = self.view.size;
+        let rows = height.div_ceil(BANDS).max(1);
+        let bands = self.depth.par_chunks_mut(rows * width).zip(self.colour.par_chunks_mut(rows * width));
+        bands.enumerate().try_for_each(|(band, (depth, colour))| {
+            let mut band = Band { width, top: band * rows, depth, colour, since: 0 };
+            nibs.chunks_exact(coat.points.max(1)).try_for_each(|strand| band.strand(strand, monitor))
+        })
+    }
+
+    /// The points of a strand as they are painted; `None` behind the eye.
+    fn nibs<'a>(&'a self, coat: &'a Coat, strand: usize) -> impl Iterator<Item = Option<Nib>> + 'a {
         let points = &coat.positions[strand * coat.points..(strand + 1) * coat.points];
         let mut random = SplitMix64::new(strand as u64);
         let (bright, warm) = (1.0 + 0.22 * random.signed_unit(), 0.05 * random.signed_unit());
         let own = [self.base[0] * (1.0 + warm), self.base[1], self.base[2] * (1.0 - warm)].map(|c| c * bright);
-        let nibs: Vec<Option<Nib>> = (0..points.len())
-            .map(|k| {
-                let s = k as f64 / (points.len() - 1) as f64;
-                let (before, after) = (points[k.saturating_sub(1)], points[(k + 1).min(points.len() - 1)]);
-                let tangent = unit_vector([0, 1, 2].map(|i| after[i] - before[i]));
-                let place = self.view.project(points[k])?;
-                let width = self.thickness * (1.0 - 0.75 * s * s) * self.view.scale / place[2];
-                Some((place, width, self.lit(points[k], tangent, coat.normals[strand], s, own)))
-            })
-            .collect();
-        for pair in nibs.windows(2) {
-            if let [Some(a), Some(b)] = pair {
-                self.piece(*a, *b);
-            }
-        }
+        (0..points.len()).map(move |k| {
+            let s = k as f64 / (points.len() - 1) as f64;
+            let (before, after) = (points[k.saturating_sub(1)], points[(k + 1).min(points.len() - 1)]);
+            let tangent = unit_vector([0, 1, 2].map(|i| after[i] - before[i]));
+            let place = self.view.project(points[k])?;
+            let width = self.thickness * (1.0 - 0.75 * s * s) * self.view.scale / place[2];
+            Some(Nib { place, width, colour: self.lit(points[k], tangent, coat.normals[strand], s, own) })
+        })
     }
 
     /// The colour of a strand at a share of its length: light that it scatters around itself and what it mirrors.
@@ -192,35 +220,6 @@ impl Canvas {
         let mirrored = (across_light * across_eye - along_light * along_eye).max(0.0);
         let gloss = 0.30 * mirrored.powi(24) + 0.08 * mirrored.powi(6);
         own.map(|c| c * (0.16 * open + 1.25 * across_light * light * (0.45 + 0.55 * open)) + gloss * light * (0.4 + c))
-    }
-
-    /// One piece of a strand, its ends a place, a width and a colour.
-    fn piece(&mut self, a: Nib, b: Nib) {
-        let size = self.view.size;
-        let most = 0.5 * a.1.max(b.1).clamp(1.0, 64.0);
-        let range = |i: usize| {
-            let (low, high) = (a.0[i].min(b.0[i]) - most, a.0[i].max(b.0[i]) + most);
-            (low.floor().max(0.0) as usize, (high.ceil().max(0.0) as usize).min(size[i]))
-        };
-        let ((left, right), (top, bottom)) = (range(0), range(1));
-        let d = [b.0[0] - a.0[0], b.0[1] - a.0[1]];
-        let square = d[0] * d[0] + d[1] * d[1];
-        for y in top..bottom {
-            for x in left..right {
-                let p = [x as f64 + 0.5 - a.0[0], y as f64 + 0.5 - a.0[1]];
-                let s = if square > 0.0 { ((p[0] * d[0] + p[1] * d[1]) / square).clamp(0.0, 1.0) } else { 0.0 };
-                let off = (p[0] - s * d[0]).hypot(p[1] - s * d[1]);
-                if off > 0.5 * ((1.0 - s) * a.1 + s * b.1).clamp(1.0, 64.0) {
-                    continue;
-                }
-                let depth = ((1.0 - s) * a.0[2] + s * b.0[2]) as f32;
-                let pixel = y * size[0] + x;
-                if depth < self.depth[pixel] {
-                    self.depth[pixel] = depth;
-                    self.colour[pixel] = [0, 1, 2].map(|i| ((1.0 - s) * a.2[i] + s * b.2[i]) as f32);
-                }
-            }
-        }
     }
 
     /// Means over squares of samples, as a screen shows them.

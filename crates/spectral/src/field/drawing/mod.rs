@@ -9,7 +9,8 @@
 //! | `hatching` | which parts of lines are drawn, and how wide |
 //! | `ink` | strokes as SVG and as pixels |
 //! | `coat` | strands of fur and their shape |
-//! | `hair` | strands as pixels |
+//! | `hair` | strands as pixels, and their light |
+//! | `strand` | one strand in a part of a picture |
 //! | `png` | the file format |
 
 mod camera;
@@ -21,6 +22,7 @@ mod light;
 mod outline;
 mod png;
 mod screen;
+mod strand;
 
 pub use self::png::png;
 pub use camera::{Camera, MOST_PIXELS};
