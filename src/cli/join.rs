@@ -12,9 +12,9 @@ use chladni_spectral::spectrum::hsim::parts::PartError;
 use chladni_work::{JobError, JobParameters, SOLVER_VERSION};
 use serde_json::Value;
 
-use super::CliError;
 use super::solve::report::Run;
-use super::work::WorkArguments;
+use super::work::{Prepared, WorkArguments};
+use super::{CliError, StageBars};
 
 /// Join the parts of an eigenbasis that `solve --part` wrote, and judge the whole by what they bring along
 #[derive(Debug, clap::Args)]
@@ -41,7 +41,12 @@ pub fn join(arguments: JoinArguments) -> Result<ExitCode, CliError> {
         return Err(CliError::Usage("--parameter: what is joined was asked for when its parts were solved".to_owned()));
     }
     let Sorted { job, parts, files } = Sorted::of(&parts)?;
-    let finished = work.run_by(&job, JobParameters::memory_bytes, |job, mesh, solid, bars| {
+    let memory = |prepared: &Prepared, bars: &StageBars| {
+        let Prepared { mesh, solid, job, size, .. } = prepared;
+        let exact = || Ok(job.join_memory_bytes_on(mesh, solid.as_ref(), parts, bars)?);
+        work.refuse_memory_by(job.memory_bytes(*size), exact)
+    };
+    let finished = work.run_by(&job, memory, |job, mesh, solid, bars| {
         job.join_parts(mesh, solid, parts, &mut |number| read(&files, number, parts), bars)
     })?;
     let wrong = || CliError::Service("the parts made something else than an eigenbasis".to_owned());

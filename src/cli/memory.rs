@@ -11,6 +11,11 @@ pub fn available() -> Option<u64> {
     [machine, group].into_iter().flatten().min()
 }
 
+/// Bytes that this process has in memory. `None` where the system does not tell.
+pub fn resident() -> Option<u64> {
+    field(&read_to_string("/proc/self/status").ok()?, "VmRSS:")
+}
+
 /// A field of a file such as `/proc/meminfo`, in bytes.
 pub fn field(text: &str, name: &str) -> Option<u64> {
     let line = text.lines().find_map(|line| line.strip_prefix(name))?;

@@ -157,12 +157,13 @@ impl WorkArguments {
         Ok(Prepared { mesh: body.surface.mesh, solid: body.solid, job, size, numbering, surface })
     }
 
-    /// Refuses work that needs more memory than is free.
+    /// Refuses work that needs more memory than is free. What this process has already, such as the mesh, is part of what the work takes.
     ///
     /// # Errors
     /// [`CliError::Refused`].
     pub fn refuse_memory(&self, estimate: u64) -> Result<(), CliError> {
-        match memory::available().filter(|free| estimate > *free && !self.ignore_memory) {
+        let free = memory::available().map(|free| free.saturating_add(memory::resident().unwrap_or(0)));
+        match free.filter(|free| estimate > *free && !self.ignore_memory) {
             Some(free) => Err(CliError::Refused(format!(
                 "the job needs about {estimate} bytes of memory and {free} are free; ask for less, or pass --ignore-memory"
             ))),
@@ -170,22 +171,39 @@ impl WorkArguments {
         }
     }
 
+    /// The same of work that needs at `most` so much; where that is not free, a look at the mesh tells what it needs. Gives the estimate that counts.
+    ///
+    /// # Errors
+    /// [`CliError::Refused`]; those of the look.
+    pub fn refuse_memory_by(&self, most: u64, exact: impl FnOnce() -> Result<u64, CliError>) -> Result<u64, CliError> {
+        if self.refuse_memory(most).is_ok() {
+            return Ok(most);
+        }
+        let exact = exact()?;
+        self.refuse_memory(exact)?;
+        Ok(exact)
+    }
+
     /// Reads the mesh, runs the job and writes its result where that is asked for.
     ///
     /// # Errors
     /// [`CliError`]: an output that cannot be written is found out before the work begins.
     pub fn run(&self, job: &JobParameters) -> Result<Finished, CliError> {
-        self.run_by(job, JobParameters::memory_bytes, |job, mesh, solid, bars| job.run_body(mesh, solid, bars))
+        let memory = |prepared: &Prepared, _: &StageBars| {
+            let estimate = prepared.job.memory_bytes(prepared.size);
+            self.refuse_memory(estimate).map(|()| estimate)
+        };
+        self.run_by(job, memory, |job, mesh, solid, bars| job.run_body(mesh, solid, bars))
     }
 
-    /// The same with the memory that the work takes, and the work itself.
+    /// The same with the memory that the work takes, refused where it is not free, and the work itself.
     ///
     /// # Errors
     /// As [`run`](Self::run).
     pub fn run_by(
         &self,
         job: &JobParameters,
-        memory: impl FnOnce(&JobParameters, MeshSize) -> u64,
+        memory: impl FnOnce(&Prepared, &StageBars) -> Result<u64, CliError> + Send,
         work: impl FnOnce(&JobParameters, &TriangleMesh, Option<&TetMesh>, &StageBars) -> Result<Outcome, JobError> + Send,
     ) -> Result<Finished, CliError> {
         let pool = self.pool()?;
@@ -198,11 +216,11 @@ impl WorkArguments {
         let bars = StageBars::new(self.json || self.quiet);
         let began = Instant::now();
         bars.begin("read");
-        let Prepared { mesh, solid, job, size, numbering, surface } = self.prepare(job, &pool)?;
+        let prepared = self.prepare(job, &pool)?;
         let mut stages = vec![("read", began.elapsed().as_secs_f64())];
+        let memory_estimate = pool.install(|| memory(&prepared, &bars))?;
+        let Prepared { mesh, solid, job, numbering, surface, .. } = prepared;
         let to = self.numbered.translation(Arc::clone(&numbering));
-        let memory_estimate = memory(&job, size);
-        self.refuse_memory(memory_estimate)?;
         let outcome = pool.install(|| work(&job, &mesh, solid.as_ref(), &bars))?;
         let total = began.elapsed().as_secs_f64();
         bars.finish();

@@ -1,7 +1,6 @@
 //! One attempt at a job: from the claim to what becomes of it.
 
 use std::{
-    num::NonZeroUsize,
     panic::{AssertUnwindSafe, catch_unwind},
     sync::{
         Arc,
@@ -11,7 +10,7 @@ use std::{
 };
 
 use chladni_spectral::basis::Product;
-use chladni_work::MeshSize;
+use chladni_work::{Division, MeshSize};
 use tokio::{
     sync::{broadcast, mpsc, oneshot, watch},
     time::{Instant, MissedTickBehavior, interval},
@@ -230,7 +229,7 @@ impl UnderWay<'_> {
         let kind = self.job.kind.as_str();
         let ending = match returned {
             Ok(Ok(Ok(Outcome::Product(product)))) => return store_result(shared, kind, token, monitor, product).await,
-            Ok(Ok(Ok(Outcome::Parts(parts)))) => return self.divide(parts).await,
+            Ok(Ok(Ok(Outcome::Parts(division)))) => return self.divide(division).await,
             Ok(Ok(Err(JobFailure::Cancelled(_)))) => Ending::Canceled,
             Ok(Ok(Err(JobFailure::Failed { kind, detail, retryable }))) => {
                 Ending::Failed(JobProblem { kind, detail }, retryable)
@@ -248,14 +247,14 @@ impl UnderWay<'_> {
     }
 
     /// Gives the job back with the parts that it waits for from now on.
-    async fn divide(&self, parts: NonZeroUsize) {
+    async fn divide(&self, division: Division) {
         let Self { shared, job, token, .. } = *self;
-        let new = match divided::part_jobs(job, self.size, parts) {
+        let new = match divided::part_jobs(job, self.size, division) {
             Ok(new) => new,
             Err(problem) => return settle(shared, &job.kind, Ending::Failed(problem, false), token).await,
         };
         match shared.store.divide(token, new).await {
-            Ok(DivideAnswer::Divided(_)) => tracing::info!(parts, "job divided"),
+            Ok(DivideAnswer::Divided(_)) => tracing::info!(parts = division.parts, "job divided"),
             Ok(DivideAnswer::Canceled) => shared.observer.finished(&job.kind, JobStatus::Canceled),
             Ok(DivideAnswer::Lost) => shared.observer.lease_lost(&job.kind),
             Err(error) => {

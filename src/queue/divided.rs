@@ -1,10 +1,8 @@
 //! What a worker does about a job that asks to be divided: it makes the plan, or joins the parts, as the records call for.
 
-use std::num::NonZeroUsize;
-
 use chladni_spectral::basis::{EIGENBASIS_PART, ProductKind};
 use chladni_work::packed::Packed;
-use chladni_work::{JobParameters, MeshSize, abbreviated};
+use chladni_work::{Division, JobParameters, MeshSize, abbreviated};
 
 use super::{WorkerOptions, pool::Shared};
 use crate::store::{JobProblem, JobRecord, NewPart, Store, StoreError, Subject};
@@ -82,13 +80,15 @@ async fn workers(store: &Store, options: &WorkerOptions) -> Result<u64, StoreErr
 }
 
 /// The jobs that solve the parts of one.
-pub(super) fn part_jobs(job: &JobRecord, size: MeshSize, parts: NonZeroUsize) -> Result<Vec<NewPart>, JobProblem> {
+pub(super) fn part_jobs(job: &JobRecord, size: MeshSize, division: Division) -> Result<Vec<NewPart>, JobProblem> {
+    let Division { parts, memory_bytes } = division;
     let unread = |error: chladni_work::ParameterError| JobProblem {
         kind: "invalid-parameters".to_owned(),
         detail: error.to_string(),
     };
     let parameters = JobParameters::read(&job.kind, &Packed::from(&job.parameters)).map_err(unread)?;
-    let memory_bytes = parameters.part_memory_bytes(size, parts);
+    // Whoever made the plan has seen the mesh; what it says is not trusted beyond what any mesh takes.
+    let memory_bytes = memory_bytes.min(parameters.part_memory_bytes(size, parts));
     let new = |part: chladni_work::PartJob| {
         let canonical = part.canonical();
         let brief = abbreviated(&canonical);

@@ -1,12 +1,12 @@
 //! What the queue asks of the work itself, and what it tells an observer.
 
-use std::num::NonZeroUsize;
 use std::sync::Arc;
 
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::Product;
 use chladni_spectral::spectrum::pencil::Matrices;
+use chladni_work::Division;
 
 use crate::store::{CollectedShape, JobRecord, JobStatus, PartSource, Subject};
 
@@ -124,8 +124,8 @@ pub trait Watch: Monitor {
 pub enum Outcome {
     /// What is to be stored.
     Product(Product),
-    /// So many parts, that are to be solved first.
-    Parts(NonZeroUsize),
+    /// Parts that are to be solved first.
+    Parts(Division),
 }
 
 /// Why an attempt made nothing.

@@ -61,7 +61,7 @@ impl Runner for Solver {
         let (parameters, solid) = (parameters(job)?, solid.as_deref());
         let plan = parameters.plan_parts(&mesh, solid, workers, NonZeroUsize::new(before), monitor).map_err(failure)?;
         match plan {
-            Ok(Some(parts)) => Ok(Outcome::Parts(parts)),
+            Ok(Some(division)) => Ok(Outcome::Parts(division)),
             Ok(None) => solve(job, &mesh, solid, monitor),
             Err(reason) => whole(job, &parameters, (&mesh, solid), &reason, monitor),
         }

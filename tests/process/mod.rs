@@ -30,6 +30,11 @@ impl Server {
 
     /// Starts one with variables in its environment.
     pub fn start_in(folder: &Path, settings: &[&str], environment: &[(&str, &str)]) -> Self {
+        Self::begin(folder, settings, environment).unwrap_or_else(|line| panic!("{line:?}"))
+    }
+
+    /// The same of one that may be dead before it is heard of: what it said instead of where it listens.
+    pub fn begin(folder: &Path, settings: &[&str], environment: &[(&str, &str)]) -> Result<Self, String> {
         let mut process = Command::new(env!("CARGO_BIN_EXE_chladni"))
             .args([
                 "serve",
@@ -51,8 +56,12 @@ impl Server {
             .unwrap();
         let mut line = String::new();
         BufReader::new(process.stdout.take().unwrap()).read_line(&mut line).unwrap();
-        let url = line.trim().strip_prefix("listening on ").unwrap_or_else(|| panic!("{line:?}")).to_owned();
-        Self { process, url, client: cryptography::client() }
+        let Some(url) = line.trim().strip_prefix("listening on ").map(str::to_owned) else {
+            let _ = process.kill();
+            let _ = process.wait();
+            return Err(line);
+        };
+        Ok(Self { process, url, client: cryptography::client() })
     }
 
     pub async fn upload(&self) -> String {

@@ -43,8 +43,8 @@ use chladni_spectral::spectrum::vibration::VibrationError;
 use packed::Packed;
 
 pub use eigenbasis::{
-    Accuracy, Approximate, Automatic, Construction, EigenbasisParameters, Exact, HsimVariant, MOST_PARTS, MadePart,
-    Method, MethodName, PartJob, PartSource, Parts, Start, StorageKind,
+    Accuracy, Approximate, Automatic, Construction, Division, EigenbasisParameters, Exact, HsimVariant, MOST_PARTS,
+    MadePart, Method, MethodName, PartJob, PartSource, Parts, Start, StorageKind,
 };
 
 pub use field_basis::{FieldBasisParameters, FieldConstruction, FieldName};

@@ -46,7 +46,8 @@ pub fn solve(job: &JobParameters, which: WhichPart, work: &WorkArguments) -> Res
     bars.begin("read");
     let Prepared { mesh, solid, job: kept, size, .. } = work.prepare(job, &pool)?;
     let read = ("read", began.elapsed().as_secs_f64());
-    work.refuse_memory(kept.part_memory_bytes(size, parts))?;
+    let exact = || Ok(pool.install(|| kept.part_memory_bytes_on(&mesh, solid.as_ref(), parts, &bars))?);
+    let memory_estimate = work.refuse_memory_by(kept.part_memory_bytes(size, parts), exact)?;
     let made = pool.install(|| kept.solve_part(&mesh, solid.as_ref(), (number - 1, parts), &bars))?;
     let total = began.elapsed().as_secs_f64();
     bars.finish();
@@ -70,6 +71,7 @@ pub fn solve(job: &JobParameters, which: WhichPart, work: &WorkArguments) -> Res
             "threads": pool.current_num_threads(),
             "solver_version": SOLVER_VERSION,
             "peak_rss_bytes": peak_rss_bytes(),
+            "memory_estimate_bytes": memory_estimate,
         });
         format!("{line}\n")
     } else {

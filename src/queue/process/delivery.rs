@@ -9,6 +9,7 @@ use chladni_spectral::basis::{
     CHUNK_COLUMNS, ColumnChunk, ColumnError, ColumnSource, DenseFunctions, Precision, Product, ProductKind, StoredPart,
 };
 use chladni_spectral::formats::npz;
+use chladni_work::Division;
 
 use super::{
     child::{Heard, Worker},
@@ -44,7 +45,9 @@ pub(super) fn take(mut worker: Worker, head: &[u8], promised: u64, pool: &Weak<P
             };
             product.map(Outcome::Product).map_err(|error| format!("a result that could not be decoded: {error}"))
         }
-        Delivery::Parts { parts } => finish(worker, pool).map(|()| Outcome::Parts(parts)),
+        Delivery::Parts { parts, memory_bytes } => {
+            finish(worker, pool).map(|()| Outcome::Parts(Division { parts, memory_bytes }))
+        }
         Delivery::Columns { head, rows, columns, precision } => {
             let precision = Precision::from_name(&precision).ok_or("numbers of no precision")?;
             let chunk = rows.checked_mul(precision.bytes()).and_then(|column| column.checked_mul(CHUNK_COLUMNS));

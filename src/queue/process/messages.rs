@@ -38,8 +38,8 @@ pub(super) struct Reason {
 pub(super) enum Delivery {
     /// So many bytes of an NPZ file.
     Whole { kind: String, bytes: u64 },
-    /// No content: the job is to be divided into so many parts.
-    Parts { parts: NonZeroUsize },
+    /// No content: the job is to be divided into so many parts, each of which takes so many bytes of memory.
+    Parts { parts: NonZeroUsize, memory_bytes: u64 },
     /// A dense basis: so many bytes of all but its columns, then these, in `precision`.
     Columns { head: u64, rows: usize, columns: usize, precision: String },
 }

@@ -15,6 +15,7 @@ use chladni_algebra::{DenseMatrix, gpu};
 use chladni_base::{Cancelled, Monitor};
 use chladni_spectral::basis::{Basis, Functions, Product};
 use chladni_spectral::formats::npz;
+use chladni_work::Division;
 
 use super::{
     frame::{self, Pieces, Tag},
@@ -202,8 +203,8 @@ fn obey(
     });
     let result = match result {
         Ok(Outcome::Product(product)) => deliver(product, output)?,
-        Ok(Outcome::Parts(parts)) => {
-            say_json(output, Tag::Product, &Delivery::Parts { parts })?;
+        Ok(Outcome::Parts(Division { parts, memory_bytes })) => {
+            say_json(output, Tag::Product, &Delivery::Parts { parts, memory_bytes })?;
             Ok(())
         }
         Err(failure) => Err(failure),

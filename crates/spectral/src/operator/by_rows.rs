@@ -98,6 +98,17 @@ impl<'a> LaplacianByRows<'a> {
         &self.masses
     }
 
+    /// The largest entry on the diagonal of the stiffness, up to rounding.
+    pub fn stiffest(&self) -> f64 {
+        let mut diagonal = vec![0f64; self.size()];
+        for &face in &self.mesh.faces {
+            let [a, b, c] = shape_of(self.mesh, face, self.scale).half_cotangents;
+            let of_corners = [b + c, c + a, a + b];
+            face.iter().zip(of_corners).for_each(|(&v, entry)| diagonal[v as usize] += entry);
+        }
+        diagonal.into_iter().fold(0.0, f64::max)
+    }
+
     /// Some rows of the stiffness, `rows.len() × n`; `rows` ascend.
     pub fn rows(&self, rows: &[u32]) -> SparseMatrix {
         const NONE: u32 = u32::MAX;

@@ -43,6 +43,13 @@ fn rows_by_themselves_are_those_of_the_whole_matrix_to_the_last_bit() {
             }
         }
         assert_eq!(by_rows.without_rows().report, known.report);
+        let on_diagonal = |row: u32| {
+            let (columns, values) = known.problem.stiffness.row(row as usize);
+            columns.binary_search(&row).map_or(0.0, |at| values[at])
+        };
+        let stiffest = (0..n).map(on_diagonal).fold(0.0, f64::max);
+        let found = by_rows.stiffest();
+        assert!((found - stiffest).abs() <= 1e-12 * stiffest, "case {k}: {found} and {stiffest}");
     }
 }
 

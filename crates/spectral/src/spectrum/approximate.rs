@@ -7,6 +7,7 @@ mod error;
 pub mod parts;
 mod reduce;
 mod space;
+mod stack;
 
 use super::certificate::CertificateError;
 use super::domain::Domain;

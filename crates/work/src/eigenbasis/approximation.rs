@@ -251,7 +251,7 @@ impl Approximate {
 }
 
 /// Panels of 32 of so many pairs that are measured at once: one on each thread, or one that all threads share.
-fn panels_at_once(vertices: u64, count: u64) -> u64 {
+pub(super) fn panels_at_once(vertices: u64, count: u64) -> u64 {
     if vertices >= SHARED_FROM as u64 { 1 } else { (count / 32 + 1).min(rayon::current_num_threads() as u64) }
 }
 

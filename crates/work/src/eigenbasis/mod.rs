@@ -8,6 +8,7 @@ mod duration;
 mod exact;
 mod hodge;
 mod nested;
+mod part_memory;
 mod parts;
 mod request;
 
@@ -27,6 +28,7 @@ pub use auto::Auto;
 pub use division::{Automatic, MOST_PARTS, Parts};
 pub(crate) use exact::{AT_MOST, within};
 pub use exact::{Exact, Start, StorageKind};
+pub use part_memory::Division;
 pub use parts::{MadePart, PartJob, PartSource};
 pub use request::{HsimVariant, MethodName};
 

@@ -15,11 +15,12 @@ use chladni_spectral::spectrum::hsim::{HsimParameters, Variant, Wanted};
 use serde_json::{Value, json};
 
 use super::approximation::dense_where_smaller;
+use super::part_memory::Division;
 use super::{Approximate, EigenbasisParameters, Exact, Method, Parts, StorageKind, value};
 use crate::{JobError, JobParameters, MeshSize, Outcome, ParameterError, SOLVER_VERSION, hash_of};
 
 /// Pairs that slices have beyond their share, those of their neighbours and guards.
-const BESIDE: usize = 64;
+pub(super) const BESIDE: usize = 64;
 
 /// A part that was made.
 #[derive(Debug)]
@@ -110,20 +111,25 @@ impl EigenbasisParameters {
         }
     }
 
-    /// Into how many parts the problem is divided, where so many are asked for or none.
-    fn natural_parts(
+    /// Into how many parts the problem is divided, where so many are asked for or none, and `chosen` of as many as there would be by nature. The memory
+    /// that one takes is told where the mesh says that it is less than that of any.
+    fn planned(
         &self,
         mesh: &TriangleMesh,
         parts: Option<NonZeroUsize>,
+        chosen: impl Fn(usize) -> Option<NonZeroUsize>,
         monitor: &dyn Monitor,
-    ) -> Result<usize, JobError> {
+    ) -> Result<Option<(NonZeroUsize, Option<u64>)>, JobError> {
         let (method, parts) = (self.divisible()?, parts.map(NonZeroUsize::get));
         if let Divisible::Surface(approximate) = method
             && let Some(problem) = LaplacianByRows::new(mesh, &self.operator, monitor)?
         {
-            return Ok(approximate_parts::Parted::number(&problem, &approximate.parameters(self.seed), parts)?);
+            let natural = approximate_parts::Parted::number(&problem, &approximate.parameters(self.seed), parts)?;
+            let size = MeshSize::of_body(mesh, None);
+            let bytes = |parts| self.bytes_of_part_by_rows(approximate, &problem, size, parts);
+            return Ok(chosen(natural).map(|parts| (parts, bytes(parts))));
         }
-        self.with_operator(mesh, monitor, |mesh, operator| {
+        let natural = self.with_operator(mesh, monitor, |mesh, operator| {
             let natural = match method {
                 Divisible::Spectrum(exact) => {
                     let solver = HsimParameters { seed: self.seed, ..exact.solver };
@@ -137,7 +143,8 @@ impl EigenbasisParameters {
                 }
             };
             Ok(natural)
-        })
+        })?;
+        Ok(chosen(natural).map(|parts| (parts, None)))
     }
 
     /// Solves one of so many parts, as by a version of the solver.
@@ -246,7 +253,7 @@ impl JobParameters {
         workers: usize,
         before: Option<NonZeroUsize>,
         monitor: &dyn Monitor,
-    ) -> Result<Result<Option<NonZeroUsize>, String>, JobError> {
+    ) -> Result<Result<Option<Division>, String>, JobError> {
         let Some(parts) = self.parts() else { return Ok(Ok(None)) };
         let asked = parts.number().or(before);
         if asked.is_none() && workers < 2 {
@@ -254,11 +261,15 @@ impl JobParameters {
         }
         monitor.stage("plan");
         let parameters = self.divided(mesh, solid)?;
-        match parameters.natural_parts(mesh, asked, monitor) {
-            Ok(natural) => {
-                let parts = asked.map_or(natural.min(workers).min(super::MOST_PARTS), NonZeroUsize::get);
-                Ok(Ok(NonZeroUsize::new(parts).filter(|parts| parts.get() > 1)))
-            }
+        let chosen = |natural: usize| {
+            let parts = asked.map_or(natural.min(workers).min(super::MOST_PARTS), NonZeroUsize::get);
+            NonZeroUsize::new(parts).filter(|parts| parts.get() > 1)
+        };
+        match parameters.planned(mesh, asked, chosen, monitor) {
+            Ok(planned) => Ok(Ok(planned.map(|(parts, bytes)| {
+                let most = self.part_memory_bytes(MeshSize::of_body(mesh, solid), parts);
+                Division { parts, memory_bytes: bytes.map_or(most, |bytes| bytes.min(most)) }
+            }))),
             // Whoever leaves the number to the server leaves it to it to divide nothing.
             Err(JobError::Parts(PartError::Unsuited { .. })) if parts.number().is_none() => Ok(Ok(None)),
             Err(JobError::Parts(error @ PartError::Unsuited { .. })) => Ok(Err(error.to_string())),
@@ -293,23 +304,6 @@ impl JobParameters {
             other => other.clone(),
         };
         (0..parts.get()).map(move |number| PartJob { whole: whole.clone(), number, parts })
-    }
-
-    /// An estimate of the memory that one of so many parts needs, in bytes.
-    pub fn part_memory_bytes(&self, mesh: MeshSize, parts: NonZeroUsize) -> u64 {
-        let Self::Eigenbasis(parameters) = self else { return self.memory_bytes(mesh) };
-        let exact = match &parameters.method {
-            Method::Exact(exact) => exact,
-            // Columns are made of the whole surface; its own rows are written beside.
-            _ => {
-                return Self::Eigenbasis(EigenbasisParameters { parts: None, ..parameters.clone() }).memory_bytes(mesh);
-            }
-        };
-        let share = exact.most_pairs().div_ceil(parts.get()) + BESIDE;
-        let solver = HsimParameters { wanted: Wanted::Count(share.min(exact.most_pairs())), ..exact.solver };
-        let method = Method::Exact(Exact { solver, ..exact.clone() });
-        let of_part = EigenbasisParameters { method, parts: None, ..parameters.clone() };
-        Self::Eigenbasis(of_part).memory_bytes(mesh)
     }
 
     /// Solves one part of a problem, counted from 0, on the rayon pool of the calling thread.
@@ -513,21 +507,12 @@ mod tests {
     }
 
     #[test]
-    fn a_part_is_promised_less_memory_than_the_whole_and_enough() {
-        let job = job(json!({"method": "hsim", "count": 1000, "tolerance": 1e-6}));
-        let size = MeshSize { vertices: 134_345, faces: 268_686, ..MeshSize::default() };
-        let [one, four] = [1, 4].map(|number| job.part_memory_bytes(size, parts(number)));
-        assert_eq!(one, job.memory_bytes(size));
-        assert!(2 * four < one, "{four} of {one}");
-    }
-
-    #[test]
     fn a_job_is_divided_by_its_pairs_and_by_who_may_solve_them() {
         let mesh = generate(Shape::Genus(2), 1200).unwrap();
         let planned = |parameters: Value, workers: usize, before: Option<usize>| {
             let before = before.and_then(NonZeroUsize::new);
             let plan = job(parameters).plan_parts(&mesh, None, workers, before, &Unwatched).unwrap();
-            plan.map(|parts| parts.map_or(1, NonZeroUsize::get))
+            plan.map(|division| division.map_or(1, |division| division.parts.get()))
         };
         let auto = json!({"method": "hsim", "count": 400, "tolerance": 1e-4, "parts": "auto"});
         let many = [1, 2, 3, 8].map(|workers| planned(auto.clone(), workers, None));

@@ -12,8 +12,9 @@ use super::super::heat::{self, Diffused};
 use super::super::radial::{self, Profile};
 use super::parts::divided;
 use super::space::{DIJKSTRA_SUFFICES, EXACT_RATIO, FEW_ENTRIES, LLOYD_MOVES, SIGMA};
+use super::stack::Stack;
 use super::{ApproximationError, ApproximationParameters, Space};
-use crate::operator::{LaplacianByRows, spread_rows};
+use crate::operator::LaplacianByRows;
 use chladni_algebra::{SparseMatrix, galerkin};
 use chladni_base::{Monitor, Quiet};
 use chladni_mesh::TriangleMesh;
@@ -22,8 +23,11 @@ use chladni_mesh::connectivity::Connectivity;
 use chladni_mesh::distance::DistanceKind;
 use chladni_mesh::sample::well_spread_points;
 
+/// Entries on the diagonal that exceed this share of what makes a needle may do so by rounding.
+const ALMOST: f64 = 0.99;
+
 /// The vertices of a piece.
-pub(super) const ROWS_OF_PIECE: usize = 500_000;
+pub const ROWS_OF_PIECE: usize = 500_000;
 
 /// What a whole space comes to, of which some rows are there.
 pub(super) struct Restricted {
@@ -44,7 +48,7 @@ pub(super) fn columns(
     let (mesh, n) = (problem.mesh(), problem.size());
     let d = parameters.dimension.max(parameters.count);
     let Space::Heat(of_heat) = parameters.space else { return Ok(None) };
-    if (n as f64) < EXACT_RATIO * d as f64 || hats::has_long_edges(Domain::Surface(mesh), problem.area(), d) {
+    if !has_short_edges(problem, d) {
         return Ok(None);
     }
     monitor.stage("sampling");
@@ -64,6 +68,20 @@ pub(super) fn columns(
     let of_heat = if far { of_heat.for_many_vertices() } else { of_heat };
     parameters.space = Space::Heat(of_heat);
     Ok(heat::smooth_by_rows(problem, connectivity, start, &of_heat, hats::STIFFEST as f32, monitor)?)
+}
+
+/// Whether the mesh has vertices enough for so many columns, and no edge that is longer than one of them is wide.
+fn has_short_edges(problem: &LaplacianByRows<'_>, d: usize) -> bool {
+    let n = problem.size() as f64;
+    n >= EXACT_RATIO * d as f64 && !hats::has_long_edges(Domain::Surface(problem.mesh()), problem.area(), d)
+}
+
+/// Whether [`columns`] are made for sure: what is close to a needle is told to be one.
+pub(super) fn are_made(problem: &LaplacianByRows<'_>, parameters: &ApproximationParameters) -> bool {
+    let d = parameters.dimension.max(parameters.count);
+    matches!(parameters.space, Space::Heat(_))
+        && has_short_edges(problem, d)
+        && problem.stiffest() < ALMOST * hats::STIFFEST
 }
 
 /// The restricted matrices of all columns, and those rows of them that are `kept`.
@@ -98,8 +116,9 @@ fn once(
     let pieces = n.div_ceil(rows_of_piece).max(1);
     let piece_of = divided(mesh, (n, None), pieces);
     let mut sums: Option<(SparseMatrix, SparseMatrix)> = None;
-    let mut own: Vec<(Vec<u32>, SparseMatrix<f32>)> = Vec::with_capacity(pieces);
-    let mut filled = vec![false; columns.columns()];
+    let d = columns.columns();
+    let mut own = Stack::new(n, d);
+    let mut filled = vec![false; d];
     for piece in 0..pieces {
         monitor.checkpoint()?;
         if pieces > 1 {
@@ -121,13 +140,12 @@ fn once(
         });
         let rows: Vec<u32> = rows.into_iter().filter(|&row| kept[row as usize]).collect();
         let share = space.select_rows(&rows);
-        own.push((rows, share));
+        own.push(rows, share);
     }
     monitor.progress(1.0);
-    let d = columns.columns();
     let empty = SparseMatrix::from_sorted_parts(d, d, vec![0; d + 1], Vec::new(), Vec::new());
     let (stiffness, mass) = sums.unwrap_or_else(|| (empty.clone(), empty));
-    let found = Restricted { space: stacked(n, d, own), stiffness, mass };
+    let found = Restricted { space: own.finish(), stiffness, mass };
     let empty = filled.iter().zip(0..).filter(|(filled, _)| !**filled).map(|(_, column)| column).collect();
     Ok((found, empty))
 }
@@ -165,58 +183,6 @@ fn sum(a: &SparseMatrix, b: &SparseMatrix) -> SparseMatrix {
             });
         },
     )
-}
-
-/// Rows that lie in several matrices, as one of `n` rows; the rest are empty. Columns first, then values, so that there are never two of both.
-pub(super) fn stacked<T: Copy + Default + Send + Sync>(
-    n: usize,
-    d: usize,
-    parts: Vec<(Vec<u32>, SparseMatrix<T>)>,
-) -> SparseMatrix<T> {
-    let mut parts = parts;
-    if parts.len() <= 1 {
-        return match parts.pop() {
-            Some((rows, part)) if rows.is_sorted() => spread_rows(part, &rows, n),
-            Some(part) => scattered(n, d, vec![part]),
-            None => SparseMatrix::from_sorted_parts(n, d, vec![0; n + 1], Vec::new(), Vec::new()),
-        };
-    }
-    scattered(n, d, parts)
-}
-
-fn scattered<T: Copy + Default + Send + Sync>(
-    n: usize,
-    d: usize,
-    parts: Vec<(Vec<u32>, SparseMatrix<T>)>,
-) -> SparseMatrix<T> {
-    let mut offsets = vec![0usize; n + 1];
-    for (rows, part) in &parts {
-        rows.iter().enumerate().for_each(|(at, &row)| offsets[row as usize + 1] = part.row(at).0.len());
-    }
-    for row in 0..n {
-        offsets[row + 1] += offsets[row];
-    }
-    let (mut of_indices, mut of_values) = (Vec::new(), Vec::new());
-    for (rows, part) in parts {
-        let (begins, indices, values) = part.into_parts();
-        of_values.push((rows, begins, values));
-        of_indices.push(indices);
-    }
-    let mut indices = vec![0u32; offsets[n]];
-    for ((rows, begins, _), part) in of_values.iter().zip(of_indices) {
-        scatter(&offsets, rows, begins, &part, &mut indices);
-    }
-    let mut values = vec![T::default(); offsets[n]];
-    for (rows, begins, part) in of_values {
-        scatter(&offsets, &rows, &begins, &part, &mut values);
-    }
-    SparseMatrix::from_sorted_parts(n, d, offsets, indices, values)
-}
-
-fn scatter<T: Copy>(offsets: &[usize], rows: &[u32], begins: &[usize], from: &[T], to: &mut [T]) {
-    for (&row, range) in rows.iter().zip(begins.windows(2)) {
-        to[offsets[row as usize]..offsets[row as usize + 1]].copy_from_slice(&from[range[0]..range[1]]);
-    }
 }
 
 /// The largest sum of magnitudes in a row of the stiffness over its mass, and other things that ask for each row once: [`Survey::new`].

@@ -18,9 +18,11 @@ use super::super::energy::{Cotangents, Energy, PairShare, measures};
 use super::super::hsim::is_balanced;
 use super::super::hsim::parts::{PartError, check_plan, fingerprint, probes};
 use super::attempt::Attempt;
-use super::by_rows::{self, ROWS_OF_PIECE, Survey, stacked, with_neighbours};
+pub use super::by_rows::ROWS_OF_PIECE;
+use super::by_rows::{self, Survey, with_neighbours};
 use super::reduce::{Ritz, reduce_by, solve_restricted};
 use super::space::initial_space;
+use super::stack::Stack;
 use super::{ApproximationError, ApproximationParameters, FEW_VERTICES, approximate};
 use super::{CertificateError, delivered, most_columns, pairs_beside, pairs_with_guards, report};
 use crate::basis::{Basis, Fingerprint, NUMBERS_OF_SHARE, Part, PartPlan, PartShare};
@@ -39,7 +41,7 @@ pub const MOST_PARTS: usize = 4096;
 const NATURAL: usize = 500_000;
 
 /// Unknowns that a part measures at a time: what a panel and its hierarchy take, some 900 bytes an unknown, is more than all else that it holds.
-const ROWS_AT_ONCE: usize = 1_100_000;
+pub const ROWS_AT_ONCE: usize = 1_100_000;
 
 /// Values of two machines differ by rounding: relative to themselves, by no more than this.
 const SAME_VALUES: f64 = 1e-9;
@@ -132,6 +134,12 @@ impl<'a> Parted<'a> {
         parts: Option<usize>,
     ) -> Result<usize, PartError> {
         checked(problem.size(), parameters, parts)
+    }
+
+    /// Whether [`solve`](Self::solve) makes its columns a piece of the surface at a time, which takes far less memory than all of them: so it is
+    /// where no vertex becomes a column by itself.
+    pub fn is_by_pieces(problem: &LaplacianByRows<'_>, parameters: &ApproximationParameters) -> bool {
+        by_rows::are_made(problem, &parameters.fitted(problem.size()))
     }
 
     /// The plan. Its `columns` are those that were asked for.
@@ -279,7 +287,7 @@ impl<'a> Parted<'a> {
             check_plan(&found, plan, number)?;
             gathered.take(found)?;
         }
-        let Whole { space, mut pairs, sums, norm, defect } = gathered.whole()?;
+        let Whole { space, mut pairs, sums, norm, defect } = gathered.whole(self.plan.parts)?;
         let measures = measures(&sums, &pairs.values, KERNEL);
         let certificate = certificate_of(&measures, (norm, defect, problem.area), &mut pairs.vectors, &pairs.values);
         let nothing = || SparseMatrix::from_sorted_parts(0, 0, vec![0], Vec::new(), Vec::new());
@@ -446,8 +454,8 @@ fn halved(mesh: &TriangleMesh, unknowns: Option<&[u32]>, rows: &mut [u32], parts
 struct Gathered {
     /// Whether some part has a row.
     seen: Vec<bool>,
-    /// The rows of each part, and its columns there.
-    spaces: Vec<(Vec<u32>, SparseMatrix<f32>)>,
+    /// The rows of each part, once it is known how many columns there are.
+    space: Option<Stack<f32>>,
     pairs: Option<EigenPairs>,
     sums: Vec<PairShare>,
     norm: f64,
@@ -465,7 +473,7 @@ struct Whole {
 
 impl Gathered {
     fn new(n: usize) -> Self {
-        Self { seen: vec![false; n], spaces: Vec::new(), pairs: None, sums: Vec::new(), norm: 0.0, defect: 0.0 }
+        Self { seen: vec![false; n], space: None, pairs: None, sums: Vec::new(), norm: 0.0, defect: 0.0 }
     }
 
     fn take(&mut self, part: Part) -> Result<(), PartError> {
@@ -496,7 +504,8 @@ impl Gathered {
                 None => return Err(damaged(&format!("there is no unknown {row}"))),
             }
         }
-        self.spaces.push((rows, space));
+        let n = self.seen.len();
+        self.space.get_or_insert_with(|| Stack::new(n, d)).push(rows, space);
         let groups = sums.as_chunks::<NUMBERS_OF_SHARE>().0;
         let found: Vec<PairShare> = groups.iter().map(PairShare::of_numbers).collect();
         match &self.pairs {
@@ -517,16 +526,17 @@ impl Gathered {
         Ok(())
     }
 
-    fn whole(self) -> Result<Whole, PartError> {
-        let Self { seen, spaces, pairs, sums, norm, defect } = self;
-        let last = spaces.len();
-        let missing = |reason: String| PartError::Damaged { number: last, reason };
+    /// All of so many parts together.
+    fn whole(self, parts: usize) -> Result<Whole, PartError> {
+        let Self { seen, space, pairs, sums, norm, defect } = self;
+        let missing = |reason: String| PartError::Damaged { number: parts, reason };
         if let Some(row) = seen.iter().position(|seen| !seen) {
             return Err(missing(format!("no part has unknown {row}")));
         }
         let pairs = pairs.ok_or_else(|| missing("it has no pairs".to_owned()))?;
-        let columns = spaces.first().map_or(0, |(_, space)| space.columns());
-        let space = stacked(seen.len(), columns, spaces);
+        let space = space.unwrap_or_else(|| Stack::new(seen.len(), 0));
+        drop(seen);
+        let space = space.finish();
         Ok(Whole { space, pairs, sums, norm, defect })
     }
 }

@@ -60,19 +60,19 @@ impl Coarsening {
         let fans = Fans::new(seeds.len(), &triangles);
         let coarse = Surface { positions: &positions, triangles: &triangles };
         let level = condense(fine, coarse, &fans, &cells, &distances, monitor)?;
-        let corners = surface
-            .positions
-            .par_iter()
-            .zip(&cells)
-            .map(|(&position, &cell)| {
-                let fan = fans.around(cell);
-                // Around a vertex of many triangles, many look through many.
-                if fan.len() > LARGE_FAN {
-                    monitor.checkpoint()?;
-                }
-                Ok(interpolate(position, cell, coarse, fan))
-            })
-            .collect::<Result<_, Cancelled>>()?;
+        drop(distances);
+        // Written where they stay: as a result that may be cut short they would be gathered in lists, and then copied.
+        let mut corners = vec![([0; 3], [0.0; 3]); cells.len()];
+        let places = corners.par_iter_mut().zip(surface.positions).zip(&cells);
+        places.try_for_each(|((corners, &position), &cell)| {
+            let fan = fans.around(cell);
+            // Around a vertex of many triangles, many look through many.
+            if fan.len() > LARGE_FAN {
+                monitor.checkpoint()?;
+            }
+            *corners = interpolate(position, cell, coarse, fan);
+            Ok::<(), Cancelled>(())
+        })?;
         monitor.checkpoint()?;
         Ok(Self { level, cells, seeds, reach, corners, positions, triangles })
     }

@@ -1,0 +1,140 @@
+//! What the parts of a problem take, and whoever joins them: docs/decisions/0127.
+
+use std::num::NonZeroUsize;
+
+use chladni_base::Monitor;
+use chladni_mesh::{TetMesh, TriangleMesh};
+use chladni_spectral::operator::LaplacianByRows;
+use chladni_spectral::spectrum::approximate_parts::{self, ROWS_AT_ONCE, ROWS_OF_PIECE};
+use chladni_spectral::spectrum::hsim::{HsimParameters, Wanted};
+
+use super::approximation::panels_at_once;
+use super::parts::BESIDE;
+use super::{Approximate, EigenbasisParameters, Exact, Method};
+use crate::{JobError, JobParameters, MeshSize};
+
+/// The program itself, and what it keeps of what was let go of.
+const PROGRAM: u64 = 110 << 20;
+
+/// Into how many parts a job is divided, and what it takes to solve one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Division {
+    /// The number of parts.
+    pub parts: NonZeroUsize,
+    /// An estimate of the memory that one of them needs, in bytes.
+    pub memory_bytes: u64,
+}
+
+impl JobParameters {
+    /// An estimate of the memory that one of so many parts needs, in bytes, whatever the mesh is like.
+    pub fn part_memory_bytes(&self, mesh: MeshSize, parts: NonZeroUsize) -> u64 {
+        let Self::Eigenbasis(parameters) = self else { return self.memory_bytes(mesh) };
+        let exact = match &parameters.method {
+            Method::Exact(exact) => exact,
+            // Columns may be made of the whole surface; its own rows are written beside.
+            _ => {
+                return Self::Eigenbasis(EigenbasisParameters { parts: None, ..parameters.clone() }).memory_bytes(mesh);
+            }
+        };
+        let share = exact.most_pairs().div_ceil(parts.get()) + BESIDE;
+        let solver = HsimParameters { wanted: Wanted::Count(share.min(exact.most_pairs())), ..exact.solver };
+        let method = Method::Exact(Exact { solver, ..exact.clone() });
+        let of_part = EigenbasisParameters { method, parts: None, ..parameters.clone() };
+        Self::Eigenbasis(of_part).memory_bytes(mesh)
+    }
+
+    /// The same for a mesh that is there, which may tell that less will do: the columns of an approximation are made a piece of the surface at a time
+    /// where none of them belongs to a single vertex.
+    ///
+    /// # Errors
+    /// [`JobError`], as [`run_body`](Self::run_body): what the mesh is not suited for, cancellation.
+    pub fn part_memory_bytes_on(
+        &self,
+        mesh: &TriangleMesh,
+        solid: Option<&TetMesh>,
+        parts: NonZeroUsize,
+        monitor: &dyn Monitor,
+    ) -> Result<u64, JobError> {
+        let size = MeshSize::of_body(mesh, solid);
+        let most = self.part_memory_bytes(size, parts);
+        let Self::Eigenbasis(parameters) = self else { return Ok(most) };
+        let Some((approximate, problem)) = parameters.by_rows(mesh, monitor)? else { return Ok(most) };
+        Ok(parameters.bytes_of_part_by_rows(approximate, &problem, size, parts).map_or(most, |bytes| bytes.min(most)))
+    }
+
+    /// An estimate of the memory that it takes to join so many parts on a mesh, in bytes.
+    ///
+    /// # Errors
+    /// As [`part_memory_bytes_on`](Self::part_memory_bytes_on).
+    pub fn join_memory_bytes_on(
+        &self,
+        mesh: &TriangleMesh,
+        solid: Option<&TetMesh>,
+        parts: NonZeroUsize,
+        monitor: &dyn Monitor,
+    ) -> Result<u64, JobError> {
+        let size = MeshSize::of_body(mesh, solid);
+        let most = self.memory_bytes(size);
+        let Self::Eigenbasis(parameters) = self else { return Ok(most) };
+        // A goal that parts miss is reached in one piece, unless there are too many vertices for that.
+        if size.vertices < approximate_parts::TOLD_FROM {
+            return Ok(most);
+        }
+        let Some((approximate, _)) = parameters.by_rows(mesh, monitor)? else { return Ok(most) };
+        Ok(approximate.join_bytes(size, parts).min(most))
+    }
+}
+
+impl EigenbasisParameters {
+    /// The approximation, and its operator without a matrix, where that is enough for parts.
+    fn by_rows<'a>(
+        &self,
+        mesh: &'a TriangleMesh,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<(&Approximate, LaplacianByRows<'a>)>, JobError> {
+        let Method::Approximate(approximate) = &self.method else { return Ok(None) };
+        Ok(LaplacianByRows::new(mesh, &self.operator, monitor)?.map(|problem| (approximate, problem)))
+    }
+
+    /// What a part takes whose columns are made a piece at a time, where they are.
+    pub(super) fn bytes_of_part_by_rows(
+        &self,
+        approximate: &Approximate,
+        problem: &LaplacianByRows<'_>,
+        size: MeshSize,
+        parts: NonZeroUsize,
+    ) -> Option<u64> {
+        let by_pieces = approximate_parts::Parted::is_by_pieces(problem, &approximate.parameters(self.seed));
+        by_pieces.then(|| approximate.part_bytes(size, parts))
+    }
+}
+
+impl Approximate {
+    /// What a part takes: it makes its columns, a piece of the surface at a time, then it measures its rows, so many at a time. Bytes a vertex are
+    /// measured ones.
+    fn part_bytes(&self, size: MeshSize, parts: NonZeroUsize) -> u64 {
+        let (n, d, m) = (size.vertices as u64, self.dimension as u64, self.count as u64);
+        let surface = 24 * n + 12 * size.faces as u64;
+        // Edges, their lengths and weights, columns before they diffuse, where vertices lie on the coarse level; rows of a piece of the operator. Each
+        // thread beyond two has a list of all vertices more.
+        let threads = (rayon::current_num_threads() as u64).saturating_sub(2);
+        let columns = surface + (255 + 8 * threads) * n + 330 * n.min(ROWS_OF_PIECE as u64);
+        // Rows of the part and next to it, as many as are measured at a time with their hierarchy, and panels of 32 pairs.
+        let own = n.div_ceil(parts.get() as u64);
+        let at_once = own.min(ROWS_AT_ONCE as u64);
+        let measured = surface + 40 * n + 240 * own + at_once * (460 + 800 * panels_at_once(own, m));
+        PROGRAM + columns.max(measured) + d * d * 8 * 3 + d * m * 8 * 2
+    }
+
+    /// What a join takes: the rows of all parts, and one of these as it was stored.
+    fn join_bytes(&self, size: MeshSize, parts: NonZeroUsize) -> u64 {
+        let (n, d, m) = (size.vertices as u64, self.dimension as u64, self.count as u64);
+        let surface = 24 * n + 12 * size.faces as u64;
+        let rows = 8 * 25 * n;
+        PROGRAM + surface + 60 * n + rows + rows.div_ceil(parts.get() as u64) + d * m * 8 * 4
+    }
+}
+
+#[cfg(test)]
+#[path = "part_memory_tests.rs"]
+mod tests;
