@@ -130,7 +130,8 @@ impl Approximate {
     fn join_bytes(&self, size: MeshSize, parts: NonZeroUsize) -> u64 {
         let (n, d, m) = (size.vertices as u64, self.dimension as u64, self.count as u64);
         let surface = 24 * n + 12 * size.faces as u64;
-        let rows = 8 * 25 * n;
+        // Twenty entries a row, and a little more, whatever the dimension.
+        let rows = 8 * 21 * n;
         PROGRAM + surface + 60 * n + rows + rows.div_ceil(parts.get() as u64) + d * m * 8 * 4
     }
 }
