@@ -207,6 +207,35 @@ fn values_far_below_all_others_do_not_keep_those_from_converging() {
     }
 }
 
+/// The curl of edges of a grid of squares: all gradients are in its kernel, more than any block of a Krylov space has columns. Beside it another grid.
+#[test]
+fn kernels_of_hundreds_of_dimensions_and_what_lies_above_are_found() {
+    let (width, height) = (20, 15);
+    let along = |i: usize, j: usize| j * width + i;
+    let across = |i: usize, j: usize| width * (height + 1) + j * (width + 1) + i;
+    let edges = width * (height + 1) + (width + 1) * height;
+    let mut entries = Vec::new();
+    for (i, j) in (0..width).flat_map(|i| (0..height).map(move |j| (i, j))) {
+        let sides = [(along(i, j), 1.0), (across(i + 1, j), 1.0), (along(i, j + 1), -1.0), (across(i, j), -1.0)];
+        entries.extend(sides.iter().flat_map(|a| sides.iter().map(move |b| (a.0, b.0, a.1 * b.1))));
+    }
+    let other = laplacian(2000, &grid(50, 40, false));
+    for row in 0..2000 {
+        let (columns, values) = other.row(row);
+        entries.extend(columns.iter().zip(values).map(|(&c, &v)| (edges + row, edges + c as usize, v)));
+        entries.push((edges + row, edges + row, 0.3));
+    }
+    let stiffness = matrix(edges + 2000, &entries);
+    let term = |k: usize, n: usize| 2.0 - 2.0 * (PI * k as f64 / n as f64).cos();
+    let curls = (1..=width).flat_map(|a| (1..=height).map(move |b| term(a, width + 1) + term(b, height + 1)));
+    let others = (0..50).flat_map(|a| (0..40).map(move |b| 0.3 + term(a, 50) + term(b, 40)));
+    let gradients = (width + 1) * (height + 1) - 1;
+    let exact = sorted(std::iter::repeat_n(0.0, gradients).chain(curls).chain(others));
+    for count in [gradients, gradients + 1, gradients + 11, gradients + 40] {
+        proven(&stiffness, &Mass::Identity, &lowest(count), &exact[..count], 1e-11);
+    }
+}
+
 #[test]
 fn complete_graphs_stars_and_copies() {
     let complete: Vec<_> = (0..60).flat_map(|a| (0..a).map(move |b| (a, b))).collect();

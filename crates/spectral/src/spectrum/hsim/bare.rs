@@ -17,6 +17,7 @@ use super::kernel::Kernel;
 use super::krylov;
 use super::lanczos;
 use super::level::{Level, NO_KERNEL};
+use super::null_space;
 use super::offset;
 use super::outliers::start_beside_outliers;
 use super::scout::{NEGLIGIBLE, Scout, fills_in};
@@ -135,6 +136,12 @@ impl Bench<'_> {
             };
             let HsimParameters { tolerance, seed, .. } = *self.parameters;
             let pairs = nontrivial(wanted, kernel, n);
+            let of = (&finest.level, &finest.symbolic);
+            if let Some((values, vectors)) =
+                null_space::start(of, &Kernel::new(&finest.level), &mut scout, q, seed, self.monitor)?
+            {
+                return Ok(Begun { values, vectors, columns: Columns::Solved });
+            }
             if lanczos::has_room(n, pairs, tolerance) {
                 let wanted = lanczos::Wanted::lowest(n, pairs, q, tolerance, seed);
                 let (level, known) = (&finest.level, Kernel::new(&finest.level));

@@ -5,6 +5,7 @@ use chladni_algebra::{
     Factor, PANEL_WIDTH, PanelMatrix, SymbolicFactor, Weight, inner_products, mass_times_panel, restrict, rotate,
 };
 use chladni_base::{Monitor, SplitMix64};
+use rayon::prelude::*;
 
 use super::HsimError;
 use super::columns::{lengths, normalise};
@@ -44,14 +45,28 @@ pub(super) fn start(
     seed: u64,
     monitor: &dyn Monitor,
 ) -> Result<(Vec<f64>, PanelMatrix), HsimError> {
-    let room = level.size() - kernel.dimension();
+    start_beside(PanelMatrix::zeros(level.size(), 0), level, kernel, factor, columns, seed, monitor)
+}
+
+/// The same with some orthonormal columns that are known to be among what is wanted.
+pub(super) fn start_beside(
+    mut basis: PanelMatrix,
+    level: &Level,
+    kernel: &Kernel<'_>,
+    factor: &Factor<'_>,
+    columns: usize,
+    seed: u64,
+    monitor: &dyn Monitor,
+) -> Result<(Vec<f64>, PanelMatrix), HsimError> {
+    let (room, known) = (level.size() - kernel.dimension(), basis.columns());
     let (wider, than) = TUNING.iteration.wider;
-    let least = columns + TUNING.iteration.blocks * PANEL_WIDTH;
-    let size = (columns * wider / than).max(least).next_multiple_of(PANEL_WIDTH).min(room);
+    let others = columns.saturating_sub(known);
+    let least = others + TUNING.iteration.blocks * PANEL_WIDTH;
+    let size = known + (others * wider / than).max(least).next_multiple_of(PANEL_WIDTH);
+    let size = size.min(room);
     let mut random = SplitMix64::new(seed ^ 0x9e37_79b9);
-    let mut basis = PanelMatrix::zeros(level.size(), 0);
     // Random vectors hold every frequency alike; two solves leave the low ones.
-    let mut block = random_block(level.size(), PANEL_WIDTH.min(size), &mut random);
+    let mut block = random_block(level.size(), PANEL_WIDTH.min(size - known), &mut random);
     solve(level, kernel, factor, &mut block);
     while basis.columns() < size {
         monitor.checkpoint()?;
@@ -83,25 +98,26 @@ pub(super) fn start(
     Ok((values, basis))
 }
 
-fn random_block(rows: usize, columns: usize, random: &mut SplitMix64) -> PanelMatrix {
+pub(super) fn random_block(rows: usize, columns: usize, random: &mut SplitMix64) -> PanelMatrix {
     let mut block = PanelMatrix::zeros(rows, columns);
-    for panel in block.panels_mut() {
+    for (k, panel) in block.panels_mut().iter_mut().enumerate() {
+        let width = PANEL_WIDTH.min(columns - k * PANEL_WIDTH);
         for row in panel.as_chunks_mut::<PANEL_WIDTH>().0 {
-            row[..columns].iter_mut().for_each(|x| *x = random.signed_unit());
+            row[..width].iter_mut().for_each(|x| *x = random.signed_unit());
         }
     }
     block
 }
 
 /// `(S − μM)⁻¹ M` times the columns, brought to lengths of about one.
-fn solve(level: &Level, kernel: &Kernel<'_>, factor: &Factor<'_>, block: &mut PanelMatrix) {
-    for panel in block.panels_mut() {
+pub(super) fn solve(level: &Level, kernel: &Kernel<'_>, factor: &Factor<'_>, block: &mut PanelMatrix) {
+    block.panels_mut().par_iter_mut().for_each(|panel| {
         let mut products = vec![0.0; panel.len()];
         mass_times_panel(&level.mass, panel, &mut products);
         factor.solve_panel(&mut products);
         kernel.remove_from_panel(&mut products);
         *panel = products;
-    }
+    });
     normalise(block);
 }
 

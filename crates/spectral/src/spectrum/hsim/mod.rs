@@ -19,6 +19,7 @@ mod kernel;
 mod krylov;
 mod lanczos;
 mod level;
+mod null_space;
 mod offset;
 mod outliers;
 pub mod parts;

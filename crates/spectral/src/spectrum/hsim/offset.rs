@@ -41,9 +41,7 @@ pub(in crate::spectrum) fn taken_off(stiffness: &SparseMatrix, mass: &MassMatrix
                 columns.iter().zip(parts).try_for_each(|(&column, &part)| take(column, part))
             }
         };
-        if taken.is_none() {
-            return None;
-        }
+        taken?;
         let rest: f64 = values[start..start + columns.len()].iter().map(|value| value.abs()).sum();
         left = left.max(rest / lumped[row]);
     }

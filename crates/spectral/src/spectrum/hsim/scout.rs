@@ -6,7 +6,7 @@ use chladni_base::Monitor;
 use super::HsimError;
 use super::lanczos::Shift;
 use super::level::Level;
-use super::shifts::{count_near, factor_near};
+use super::shifts::{self, factor_near};
 
 /// Eigenvalues above this share of the largest below zero are taken for zero.
 pub(super) const NEGLIGIBLE: f64 = 1e-10;
@@ -105,7 +105,7 @@ impl<'a> Scout<'a> {
 
     /// The eigenvalues below a shift.
     pub fn count(&mut self, shift: f64) -> Result<usize, HsimError> {
-        Ok(count_near(self.level, self.symbolic, shift, self.spread())?.below)
+        Ok(shifts::count_near(self.level, self.symbolic, shift, self.spread())?.below)
     }
 
     /// Whether no eigenvalue lies below zero, up to rounding.
@@ -161,20 +161,20 @@ impl<'a> Scout<'a> {
     /// they lie, and a few may lie far below all others: it is halves that find it.
     fn end_of_lowest(&mut self, wanted: usize, floor: f64, monitor: &dyn Monitor) -> Result<f64, HsimError> {
         let (spread, most) = (self.spread(), self.most_counts());
-        let (mut few, mut many) = (floor, 0.0);
-        let mut found = self.count(many)?;
+        let (mut few, first) = (floor, -floor / 64.0);
+        let (mut many, mut found) = self.count_near(first, first / 32.0)?;
         while found < wanted && many < spread {
             monitor.checkpoint()?;
-            (few, many) = (many, (16.0 * many).max(-floor / 64.0).min(spread));
-            found = self.count(many)?;
+            few = many;
+            (many, found) = self.count_near((16.0 * many).min(spread), many / 32.0)?;
         }
         for _ in 0..most {
-            if found <= ENOUGH * wanted || many - few <= NARROW * many.abs().max(few.abs()) {
+            let width = many - few;
+            if found <= ENOUGH * wanted || width <= NARROW * many.abs().max(few.abs()) {
                 break;
             }
             monitor.checkpoint()?;
-            let middle = 0.5 * (few + many);
-            let below = self.count(middle)?;
+            let (middle, below) = self.count_near(few + 0.5 * width, width / 32.0)?;
             if below < wanted {
                 few = middle;
             } else {
@@ -182,6 +182,15 @@ impl<'a> Scout<'a> {
             }
         }
         Ok(many)
+    }
+
+    /// The eigenvalues below a shift, or a little beside it where no factor is found there: zero is an eigenvalue of many a matrix, and a diagonal of zeros
+    /// hides what lies next to it. And where they were counted.
+    fn count_near(&mut self, shift: f64, step: f64) -> Result<(f64, usize), HsimError> {
+        match self.count(shift) {
+            Err(HsimError::Numerical(_)) => Ok((shift + step, self.count(shift + step)?)),
+            found => Ok((shift, found?)),
+        }
     }
 
     /// How many counts a search may take.

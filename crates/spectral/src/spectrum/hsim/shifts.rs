@@ -82,7 +82,7 @@ fn bulk(mut values: &[f64]) -> &[f64] {
 pub(super) fn strays(values: &[f64], shift: f64, top: f64, from: usize) -> Vec<Strays> {
     let count = values.partition_point(|&value| shift - value > FAR_BELOW * (top - shift).abs());
     let mut strays = Vec::new();
-    let mut open: Vec<Range<usize>> = if count == 0 { Vec::new() } else { vec![0..count] };
+    let mut open: Vec<Range<usize>> = std::iter::once(0..count).filter(|range| !range.is_empty()).collect();
     while let Some(range) = open.pop() {
         let part = &values[range.clone()];
         let own = self::shift(part);
