@@ -43,7 +43,7 @@ pub fn join(arguments: JoinArguments) -> Result<ExitCode, CliError> {
     let Sorted { job, parts, files } = Sorted::of(&parts)?;
     let memory = |prepared: &Prepared, bars: &StageBars| {
         let Prepared { mesh, solid, job, size, .. } = prepared;
-        let exact = || Ok(job.join_memory_bytes_on(mesh, solid.as_ref(), parts, bars)?);
+        let exact = || Ok(job.join_memory_bytes_on(mesh, solid.as_ref(), bars)?);
         work.refuse_memory_by(job.memory_bytes(*size), exact)
     };
     let finished = work.run_by(&job, memory, |job, mesh, solid, bars| {

@@ -62,7 +62,7 @@ impl JobParameters {
         Ok(parameters.bytes_of_part_by_rows(approximate, &problem, size, parts).map_or(most, |bytes| bytes.min(most)))
     }
 
-    /// An estimate of the memory that it takes to join so many parts on a mesh, in bytes.
+    /// An estimate of the memory that it takes to join parts on a mesh, in bytes.
     ///
     /// # Errors
     /// As [`part_memory_bytes_on`](Self::part_memory_bytes_on).
@@ -70,7 +70,6 @@ impl JobParameters {
         &self,
         mesh: &TriangleMesh,
         solid: Option<&TetMesh>,
-        parts: NonZeroUsize,
         monitor: &dyn Monitor,
     ) -> Result<u64, JobError> {
         let size = MeshSize::of_body(mesh, solid);
@@ -81,7 +80,7 @@ impl JobParameters {
             return Ok(most);
         }
         let Some((approximate, _)) = parameters.by_rows(mesh, monitor)? else { return Ok(most) };
-        Ok(approximate.join_bytes(size, parts).min(most))
+        Ok(approximate.join_bytes(size).min(most))
     }
 }
 
@@ -126,13 +125,13 @@ impl Approximate {
         PROGRAM + columns.max(measured) + d * d * 8 * 3 + d * m * 8 * 2
     }
 
-    /// What a join takes: the rows of all parts, and one of these as it was stored.
-    fn join_bytes(&self, size: MeshSize, parts: NonZeroUsize) -> u64 {
+    /// What a join takes: the rows of all parts, half as much again while they are put in order, and what the allocator keeps meanwhile.
+    fn join_bytes(&self, size: MeshSize) -> u64 {
         let (n, d, m) = (size.vertices as u64, self.dimension as u64, self.count as u64);
         let surface = 24 * n + 12 * size.faces as u64;
         // Twenty entries a row, and a little more, whatever the dimension.
         let rows = 8 * 21 * n;
-        PROGRAM + surface + 60 * n + rows + rows.div_ceil(parts.get() as u64) + d * m * 8 * 4
+        PROGRAM + surface + 60 * n + 2 * rows + d * m * 8 * 4
     }
 }
 

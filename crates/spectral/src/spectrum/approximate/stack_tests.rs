@@ -25,34 +25,16 @@ fn rows_of_several_matrices_are_stacked_where_they_belong() {
         vec![&[0, 2, 4, 6, 8], &[9, 7, 5, 3, 1]],
     ];
     for pieces in cases {
-        // Runs of a row, of a few, and of all of them.
-        for entries_of_run in [1, 3, 1000] {
-            let mut stack = Stack { entries_of_run, ..Stack::new(10, 9) };
-            pieces.iter().map(|rows| of(rows)).for_each(|(rows, piece)| stack.push(rows, piece));
-            let all = stack.finish();
-            assert_eq!((all.rows(), all.columns()), (10, 9));
-            for row in 0..10u32 {
-                let there = pieces.iter().any(|rows| rows.contains(&row));
-                let count = if there { row % 3 } else { 0 };
-                let expected: Vec<(u32, u32)> = (0..count).map(|k| (2 * k, row * 10 + k)).collect();
-                let (columns, values) = all.row(row as usize);
-                assert!(columns.iter().copied().zip(values.iter().copied()).eq(expected), "{pieces:?}: row {row}");
-            }
-        }
-    }
-}
-
-#[test]
-fn runs_hold_all_entries_and_end_where_rows_do() {
-    let (_, matrix) = of(&[0, 1, 2, 3, 4, 5, 6, 7, 8, 0, 3]);
-    let (all, values) = (matrix.indices().to_vec(), matrix.values().to_vec());
-    for (entries, known) in [(1, 7), (2, 4), (4, 3), (100, 1)] {
-        let runs = runs(matrix.clone(), entries);
-        assert_eq!(runs.len(), known, "{entries}");
-        assert_eq!(runs.iter().flat_map(|run| run.indices.clone()).collect::<Vec<_>>(), all);
-        assert_eq!(runs.iter().flat_map(|run| run.values.clone()).collect::<Vec<_>>(), values);
-        for run in &runs {
-            assert_eq!(run.counts.iter().sum::<u32>() as usize, run.indices.len());
+        let mut stack = Stack::new(10, 9);
+        pieces.iter().map(|rows| of(rows)).for_each(|(rows, piece)| stack.push(rows, piece));
+        let all = stack.finish();
+        assert_eq!((all.rows(), all.columns()), (10, 9));
+        for row in 0..10u32 {
+            let there = pieces.iter().any(|rows| rows.contains(&row));
+            let count = if there { row % 3 } else { 0 };
+            let expected: Vec<(u32, u32)> = (0..count).map(|k| (2 * k, row * 10 + k)).collect();
+            let (columns, values) = all.row(row as usize);
+            assert!(columns.iter().copied().zip(values.iter().copied()).eq(expected), "{pieces:?}: row {row}");
         }
     }
 }
