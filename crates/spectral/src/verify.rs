@@ -319,9 +319,9 @@ impl Subject<'_> {
         }
         let claimed = if self.claims.residuals { certificate.residuals[pair] } else { residual };
         // Two ways to compute one residual differ by their rounding errors.
-        let rounded = (0..r.len()).map(|row| rounding(row).powi(2)).sum::<f64>().sqrt();
-        let stored = self.claims.unit * norm * length(x);
-        if !(is_kernel || (residual - claimed).abs() <= SAME * claimed + ROUNDING + (stored + rounded) / length(&sx)) {
+        let summed = (0..r.len()).map(|row| rounding(row).powi(2)).sum::<f64>().sqrt();
+        let digits = (self.claims.unit * norm * length(x) + summed) / length(&sx);
+        if !(is_kernel || (residual - claimed).abs() <= SAME * claimed + ROUNDING + digits) {
             findings.push(Finding::Residual { pair, found: residual, claimed });
         }
         if let Some(tolerance) = certificate.tolerance

@@ -40,6 +40,11 @@ impl<'a> Patience<'a> {
         Self { limit, leader, begin: Instant::now(), last, spent, inner }
     }
 
+    /// How much of the limit is used up.
+    pub fn spent(&self) -> Duration {
+        Duration::from_nanos(self.spent.load(Ordering::Relaxed))
+    }
+
     /// Whether it has passed after a while by the clock, with the processor time of the leader where it is the leader who asks.
     fn has_passed(&self, waited: Duration, processor: impl FnOnce() -> Option<u64>) -> bool {
         if waited >= BUSY * self.limit {

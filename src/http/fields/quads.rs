@@ -114,18 +114,19 @@ async fn parametrise(
             (Arc::new(parts.surface), key, parts.faces)
         }
     };
-    let crosses = match &request.field {
-        CrossSource::Basis(wanted) => of_basis(&state, &id, numbered, wanted).await?,
+    let (crosses, spent) = match &request.field {
+        CrossSource::Basis(wanted) => (of_basis(&state, &id, numbered, wanted).await?, Duration::ZERO),
         CrossSource::Stored(field) => {
             let (kept, own) = (cache::stored_on(&state, field, &id, "field.stored").await?, surface.clone());
-            state.solve("cross", move |_| Ok(kept.crosses(&own.surface)?)).await?
+            (state.solve("cross", move |_| Ok(kept.crosses(&own.surface)?)).await?, Duration::ZERO)
         }
         _ => {
             let (own, field) = (surface.clone(), request.field.clone());
             let make = move |monitor: &dyn Monitor| {
                 let patient = Patience::new(PATIENCE, monitor);
                 let found = field.crosses(&own, &patient).map_err(too_long)?;
-                found.ok_or_else(|| Problem::internal("a field of a basis"))
+                let found = found.ok_or_else(|| Problem::internal("a field of a basis"))?;
+                Ok((found, patient.spent()))
             };
             state.solve("cross", make).await?
         }
@@ -140,7 +141,8 @@ async fn parametrise(
     state
         .solve("quads", move |monitor| {
             let _memory = memory;
-            let patient = Patience::new(PATIENCE, monitor);
+            // One limit for both.
+            let patient = Patience::new(PATIENCE.saturating_sub(spent), monitor);
             let quads = request.quads(&surface.surface, crosses, &order, &patient).map_err(too_long)?;
             let quads = Quads { split, ..quads };
             if query.format == QuadsFormat::Json {

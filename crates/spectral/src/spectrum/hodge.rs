@@ -18,6 +18,7 @@ use crate::operator::hodge::{FieldBoundary, ScalarProblem, conforming_problem, n
 
 use part::Part;
 use settle::settle;
+pub use settle::settle_bytes;
 
 use super::hsim::{self, Eigenpairs, HsimError, HsimParameters, InertiaCount, LevelReport, Wanted};
 

@@ -5,7 +5,7 @@
 
 use std::borrow::Cow;
 
-use chladni_algebra::{DenseMatrix, PANEL_WIDTH, PanelMatrix, prolong, residual_sums};
+use chladni_algebra::{PANEL_WIDTH, PanelMatrix, prolong, residual_sums};
 use chladni_base::{Cancelled, Monitor};
 
 use crate::basis::{Basis, Functions};
@@ -46,11 +46,10 @@ pub(super) fn move_back(
         Some(unknowns) => Cow::Owned(compact.space.select_rows(unknowns)),
         None => Cow::Borrowed(&compact.space),
     };
-    let d = compact.coefficients.rows();
     for (first, values) in basis.eigenvalues.chunks(PANEL_WIDTH).enumerate() {
         let from = first * PANEL_WIDTH;
-        let columns = (from..from + values.len()).flat_map(|k| compact.coefficients.column(k).to_vec()).collect();
-        let block = prolong(&space, &PanelMatrix::from_dense(&DenseMatrix::from_columns(d, values.len(), columns)));
+        let coefficients = compact.coefficients.slice_columns(from..from + values.len());
+        let block = prolong(&space, &PanelMatrix::from_dense(&coefficients));
         let values: Vec<f64> = values.iter().map(|value| value * problem.area).collect();
         let sums = residual_sums(&problem.stiffness, &problem.mass, &block, &values, monitor)?;
         for ((residual, sums), value) in basis.certificate.residuals[from..].iter_mut().zip(sums).zip(values) {

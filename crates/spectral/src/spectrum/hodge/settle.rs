@@ -5,8 +5,8 @@
 //! fields, whose factor errs by rounding entry by entry, finds them.
 
 use chladni_algebra::{
-    DenseMatrix, FactorError, MassMatrix, Ordering, PanelMatrix, SparseMatrix, SymbolicFactor, apply_mass,
-    fill_reducing_order,
+    ColumnSums, FactorError, MassMatrix, Ordering, PanelMatrix, SparseMatrix, SymbolicFactor, apply_mass,
+    fill_reducing_order, residual_sums,
 };
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::TriangleMesh;
@@ -16,10 +16,18 @@ use rayon::prelude::*;
 use super::{FieldPart, HodgeSpectrum};
 use crate::operator::frames::FaceFrames;
 use crate::operator::hodge::{FieldBoundary, hodge_problem};
-use crate::spectrum::hsim::HsimError;
+use crate::spectrum::hsim::{HsimError, inverse};
 
 /// The most faces of which the matrix of the fields is factored: a row has some 26 entries.
 const MOST_FACES: usize = 100_000;
+
+/// The matrix of the fields, as it is assembled and in the order of its factor, in bytes a face.
+const BYTES_PER_FACE: u64 = 1_700;
+
+/// The memory that fields of so many faces take to settle, in bytes, beside a factor: that is made where what the work was promised has room for it.
+pub fn settle_bytes(faces: u64) -> u64 {
+    if faces > MOST_FACES as u64 { 0 } else { BYTES_PER_FACE * faces }
+}
 
 /// Solves: one leaves of what is not in a field's eigenspace about what its shift is away, which on needles is nothing.
 const SOLVES: usize = 2;
@@ -42,41 +50,40 @@ pub(super) fn settle(
     }
     monitor.stage("fields");
     let problem = hodge_problem(mesh, dual, frames, boundary);
-    let masses = problem.mass.lumped();
+    let (stiffness, mass) = (&problem.stiffness, &problem.mass);
     let values: Vec<f64> = spectrum.values.iter().map(|value| value * problem.area).collect();
-    let residual = |x: &[f64], k: usize| residual(&problem.stiffness, &masses, x, values[k]);
-    let measured = |k: usize| {
-        monitor.checkpoint()?;
-        Ok(if spectrum.parts[k] == FieldPart::Harmonic { 0.0 } else { residual(&spectrum.fields.column(k), k) })
-    };
-    spectrum.residuals = (0..count).into_par_iter().map(measured).collect::<Result<_, Cancelled>>()?;
+    let told = |part: FieldPart, sums: &ColumnSums| if part == FieldPart::Harmonic { 0.0 } else { residual(sums, 1.0) };
+    let sums = residual_sums(stiffness, mass, &spectrum.fields, &values, monitor)?;
+    spectrum.residuals = sums.iter().zip(&spectrum.parts).map(|(sums, &part)| told(part, sums)).collect();
     let is_open = |k: &usize| spectrum.parts[*k] == FieldPart::Harmonic || !(spectrum.residuals[*k] <= tolerance);
     let open: Vec<usize> = (0..count).filter(is_open).collect();
-    let positive: Vec<f64> = values.iter().copied().filter(|&value| value > 0.0).collect();
-    // Below all eigenvalues, by about as much as they are wide apart.
-    let shift = -positive.get(positive.len() / 2).copied().unwrap_or(1.0);
     if open.is_empty() {
         return Ok(());
     }
+    let positive: Vec<f64> = values.iter().copied().filter(|&value| value > 0.0).collect();
+    // Below all eigenvalues, by about as much as they are wide apart.
+    let shift = -positive.get(positive.len() / 2).copied().unwrap_or(1.0);
     let given = spectrum.fields.select(&open);
-    let Some(found) = solved((&problem.stiffness, &problem.mass), shift, &given, monitor)? else {
+    let Some(found) = solved((stiffness, mass), shift, &given, monitor)? else {
         return Ok(());
     };
-    for (place, &k) in open.iter().enumerate() {
-        monitor.checkpoint()?;
-        let (before, mut after) = (given.column(place), found.column(place));
-        let product = |x: &[f64], y: &[f64]| x.iter().zip(y).zip(&masses).map(|((x, y), m)| x * y * m).sum::<f64>();
-        let length = (product(&before, &before) / product(&after, &after)).sqrt();
-        let factor = length.copysign(product(&before, &after));
-        after.iter_mut().for_each(|x| *x *= factor);
-        let left = residual(&after, k);
-        if left < residual(&before, k) {
-            let column = PanelMatrix::from_dense(&DenseMatrix::from_columns(after.len(), 1, after));
-            spectrum.fields.assign(&[k], &column);
-            if spectrum.parts[k] != FieldPart::Harmonic {
-                spectrum.residuals[k] = left;
-            }
-        }
+    let values: Vec<f64> = open.iter().map(|&k| values[k]).collect();
+    let after = residual_sums(stiffness, mass, &found, &values, monitor)?;
+    let better = |&place: &usize| residual(&after[place], values[place]) < residual(&sums[open[place]], values[place]);
+    let better: Vec<usize> = (0..open.len()).filter(better).collect();
+    let masses = mass.lumped();
+    let factor = |&place: &usize| {
+        let (x, y) = (given.column(place), found.column(place));
+        let product: f64 = x.iter().zip(&y).zip(&masses).map(|((x, y), m)| x * y * m).sum();
+        (sums[open[place]].mass / after[place].mass).sqrt().copysign(product)
+    };
+    let factors: Vec<f64> = better.iter().map(factor).collect();
+    let places: Vec<usize> = better.iter().map(|&place| open[place]).collect();
+    let rows: Vec<u32> = (0..stiffness.rows() as u32).collect();
+    // Of the lengths and the signs that they had.
+    spectrum.fields.assign(&places, &found.select(&better).spread(rows.len(), &rows, &factors));
+    for (place, k) in better.into_iter().zip(places) {
+        spectrum.residuals[k] = told(spectrum.parts[k], &after[place]);
     }
     Ok(())
 }
@@ -91,13 +98,11 @@ fn solved(
     let n = stiffness.rows();
     let attempt = || -> Result<Option<PanelMatrix>, FactorError> {
         let order = fill_reducing_order(stiffness, Ordering::NestedDissection)?;
-        let mut places = vec![0; n];
-        order.iter().enumerate().for_each(|(row, &unknown)| places[unknown as usize] = row as u32);
         let (stiffness, mass) = (stiffness.reordered(&order), mass.reordered(&order));
         let symbolic = SymbolicFactor::new(&stiffness, &mass)?.within(1, monitor)?;
         let factor = symbolic.factor(&stiffness, &mass, shift)?;
         let factors = vec![1.0; columns.columns()];
-        let mut solved = columns.clone().spread(n, &places, &factors);
+        let mut solved = columns.clone().spread(n, &inverse(&order), &factors);
         let done = solved.panels_mut().par_iter_mut().try_for_each_init(Vec::new, |scratch, panel| {
             for _ in 0..SOLVES {
                 monitor.checkpoint()?;
@@ -114,10 +119,7 @@ fn solved(
 }
 
 /// `‖S x − θ M x‖ / ‖S x‖`; for an eigenvalue 0, `‖S x‖` over that of a vector of length one.
-fn residual(stiffness: &SparseMatrix, mass: &[f64], x: &[f64], value: f64) -> f64 {
-    let image = stiffness.multiply(x);
-    let norm = |v: &mut dyn Iterator<Item = f64>| v.map(|x| x * x).sum::<f64>().sqrt();
-    let rest = norm(&mut image.iter().zip(x).zip(mass).map(|((s, x), m)| s - value * m * x));
-    let whole = if value > 0.0 { norm(&mut image.iter().copied()) } else { norm(&mut x.iter().copied()) };
-    rest / whole.max(f64::MIN_POSITIVE)
+fn residual(sums: &ColumnSums, value: f64) -> f64 {
+    let (rest, whole) = if value > 0.0 { (sums.residual, sums.stiffness) } else { (sums.stiffness, sums.square) };
+    if rest == 0.0 { 0.0 } else { (rest / whole).sqrt() }
 }

@@ -5,7 +5,7 @@
 //! eigenvalues are positive. With `c` about the distance of the lowest eigenvalue from the next, residuals are those of a Laplacian with the
 //! constants taken out.
 
-use chladni_algebra::{MassMatrix, Ordering, SparseMatrix, SymbolicFactor, fill_reducing_order};
+use chladni_algebra::{MassMatrix, Ordering, PanelMatrix, SparseMatrix, SymbolicFactor, fill_reducing_order};
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
 
@@ -19,7 +19,7 @@ use super::lanczos;
 use super::level::{Level, NO_KERNEL};
 use super::null_space;
 use super::offset;
-use super::outliers::start_beside_outliers;
+use super::outliers;
 use super::scout::{NEGLIGIBLE, Scout, fills_in};
 use super::solve::{Aim, Begun, Columns, Finest, Task, aim, within};
 use super::tuning::TUNING;
@@ -136,28 +136,24 @@ impl Bench<'_> {
             };
             let HsimParameters { tolerance, seed, .. } = *self.parameters;
             let pairs = nontrivial(wanted, kernel, n);
-            let of = (&finest.level, &finest.symbolic);
-            if let Some((values, vectors)) =
-                null_space::start(of, &Kernel::new(&finest.level), &mut scout, q, seed, self.monitor)?
-            {
+            let (of, known) = ((&finest.level, &finest.symbolic), Kernel::new(&finest.level));
+            if let Some((values, vectors)) = null_space::start(of, &known, &mut scout, q, seed, self.monitor)? {
                 return Ok(Begun { values, vectors, columns: Columns::Solved });
             }
             if lanczos::has_room(n, pairs, tolerance) {
                 let wanted = lanczos::Wanted::lowest(n, pairs, q, tolerance, seed);
-                let (level, known) = (&finest.level, Kernel::new(&finest.level));
-                if let Some(found) = lanczos::start(level, &finest.symbolic, &known, wanted, self.monitor)? {
-                    let lanczos::Found { values, vectors } = found;
+                let found = if kernel == 0 && !scout.is_semidefinite()? {
+                    outliers::start(of, &known, &mut scout, wanted, self.monitor)?
+                } else {
+                    let found = lanczos::start(of.0, of.1, &known, wanted, self.monitor)?;
+                    found.map(|found| (found, Columns::Ritz))
+                };
+                if let Some((lanczos::Found { values, vectors }, columns)) = found {
                     if kernel > 0 && values.first().is_some_and(|&value| value < -NEGLIGIBLE * scout.spread()) {
                         finest.level.component.fill(NO_KERNEL);
                         continue;
                     }
-                    return Ok(Begun { values, vectors, columns: Columns::Ritz });
-                }
-                if kernel == 0 && !scout.is_semidefinite()? {
-                    let of = (level, &finest.symbolic);
-                    if let Some(found) = start_beside_outliers(of, &known, wanted, self.monitor)? {
-                        return Ok(Begun { values: found.values, vectors: found.vectors, columns: Columns::Solved });
-                    }
+                    return Ok(Begun { values, vectors, columns });
                 }
             }
             let window = scout.window(q + kernel, bound, kernel > 0, self.monitor)?;
@@ -167,7 +163,8 @@ impl Bench<'_> {
             }
             let factor = window.factor_below(&finest.level, &finest.symbolic)?;
             let kernel = Kernel::new(&finest.level);
-            let (values, vectors) = krylov::start(&finest.level, &kernel, &factor, q, seed, self.monitor)?;
+            let (values, vectors) =
+                krylov::start(PanelMatrix::zeros(n, 0), &finest.level, &kernel, &factor, q, seed, self.monitor)?;
             return Ok(Begun { values, vectors, columns: Columns::Rough });
         }
     }

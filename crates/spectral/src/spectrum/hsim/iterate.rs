@@ -397,10 +397,12 @@ impl<'a> Iteration<'a> {
         let apart = taken_out(groups.iter().flat_map(|group| group.strays.iter().cloned()), columns);
         let inverse_iterations = |factor: &Factor<'_>, panel: &mut Vec<f64>, scratch: &mut Vec<f64>| {
             for _ in 0..iterations {
+                monitor.checkpoint()?;
                 apply_mass(&level.mass, panel, scratch);
                 factor.solve_panel(panel);
                 kernel.remove_from_panel(panel);
             }
+            Ok(())
         };
         let (width, size, pass) = (self.batch(), level.size(), self.passes + 1);
         for (k, batch) in groups.chunks(width).enumerate() {
@@ -421,11 +423,9 @@ impl<'a> Iteration<'a> {
             for (group, (_, factor)) in batch.iter().zip(&factors) {
                 tasks.extend(panels.by_ref().take(group.panels.len()).map(|panel| (panel, factor)));
             }
-            tasks.into_par_iter().try_for_each_init(Vec::new, |scratch, (panel, factor)| {
-                monitor.checkpoint()?;
-                inverse_iterations(factor, panel, scratch);
-                Ok::<(), HsimError>(())
-            })?;
+            tasks
+                .into_par_iter()
+                .try_for_each_init(Vec::new, |scratch, (panel, factor)| inverse_iterations(factor, panel, scratch))?;
             self.note(factors);
         }
         self.solve_apart(apart, columns, inverse_iterations)
@@ -436,14 +436,14 @@ impl<'a> Iteration<'a> {
         &mut self,
         apart: Vec<(Strays, PanelMatrix)>,
         columns: &mut PanelMatrix,
-        solve: impl Fn(&Factor<'_>, &mut Vec<f64>, &mut Vec<f64>),
+        solve: impl Fn(&Factor<'_>, &mut Vec<f64>, &mut Vec<f64>) -> Result<(), HsimError>,
     ) -> Result<(), HsimError> {
         for (Strays { columns: range, shift }, mut own) in apart {
             self.monitor.checkpoint()?;
             let storage = self.storage();
             let (at, factor) = factor_near(self.level, self.symbolic, shift, self.spread, storage)?;
             let mut scratch = Vec::new();
-            own.panels_mut().iter_mut().for_each(|panel| solve(&factor, panel, &mut scratch));
+            own.panels_mut().iter_mut().try_for_each(|panel| solve(&factor, panel, &mut scratch))?;
             columns.assign(&range.collect::<Vec<_>>(), &own);
             self.counted(at, factor);
         }

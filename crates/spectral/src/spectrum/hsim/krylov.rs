@@ -30,26 +30,15 @@ pub(super) fn afresh(
     let known = kernel.dimension();
     let window = Scout::new(level, symbolic).window(columns + known, None, known > 0, monitor)?;
     let factor = window.factor_below(level, symbolic)?;
-    start(level, kernel, &factor, columns, seed, monitor)
+    start(PanelMatrix::zeros(level.size(), 0), level, kernel, &factor, columns, seed, monitor)
 }
 
-/// About `columns` Ritz pairs of the level beside the kernel, ascending by value, from a factor at a shift below the wanted eigenvalues.
+/// About `columns` Ritz pairs of the level beside the kernel, ascending by value, from a factor at a shift below the wanted eigenvalues. `basis` are
+/// orthonormal columns that are known to be among what is wanted, if any are.
 ///
 /// Columns are made orthogonal to all before them, once: the Rayleigh–Ritz in the end takes their Gram matrix. Where the space is exhausted, as it is
 /// soon where there are few distinct eigenvalues, random columns go on.
 pub(super) fn start(
-    level: &Level,
-    kernel: &Kernel<'_>,
-    factor: &Factor<'_>,
-    columns: usize,
-    seed: u64,
-    monitor: &dyn Monitor,
-) -> Result<(Vec<f64>, PanelMatrix), HsimError> {
-    start_beside(PanelMatrix::zeros(level.size(), 0), level, kernel, factor, columns, seed, monitor)
-}
-
-/// The same with some orthonormal columns that are known to be among what is wanted.
-pub(super) fn start_beside(
     mut basis: PanelMatrix,
     level: &Level,
     kernel: &Kernel<'_>,
@@ -62,8 +51,7 @@ pub(super) fn start_beside(
     let (wider, than) = TUNING.iteration.wider;
     let others = columns.saturating_sub(known);
     let least = others + TUNING.iteration.blocks * PANEL_WIDTH;
-    let size = known + (others * wider / than).max(least).next_multiple_of(PANEL_WIDTH);
-    let size = size.min(room);
+    let size = (known + (others * wider / than).max(least).next_multiple_of(PANEL_WIDTH)).min(room);
     let mut random = SplitMix64::new(seed ^ 0x9e37_79b9);
     // Random vectors hold every frequency alike; two solves leave the low ones.
     let mut block = random_block(level.size(), PANEL_WIDTH.min(size - known), &mut random);

@@ -109,10 +109,6 @@ pub(super) fn start(
 ) -> Result<Option<Found>, HsimError> {
     let of = (wanted.pairs, kernel.dimension());
     let mut scout = Scout::new(level, symbolic);
-    if level.positions.is_empty() && kernel.dimension() == 0 && !scout.is_semidefinite()? {
-        let Some(shift) = scout.middle_of_either_sign(wanted.pairs, monitor)? else { return Ok(None) };
-        return pairs_or_none(level, symbolic, kernel, &shift, wanted, monitor);
-    }
     let Some(shift) = scout.middle(of, wanted.least_shift, monitor)? else { return Ok(None) };
     let found = pairs_or_none(level, symbolic, kernel, &shift, wanted, monitor)?;
     if found.is_some() {

@@ -21,7 +21,7 @@ pub(super) struct Level {
 pub(super) const NO_KERNEL: u32 = u32::MAX;
 
 /// Entry `k` of the result is the place of row `k` in `order`.
-pub(super) fn inverse(order: &[u32]) -> Vec<u32> {
+pub(in crate::spectrum) fn inverse(order: &[u32]) -> Vec<u32> {
     let mut inverse = vec![0; order.len()];
     for (place, &row) in order.iter().enumerate() {
         inverse[row as usize] = place as u32;

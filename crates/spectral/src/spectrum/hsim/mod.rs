@@ -230,6 +230,7 @@ pub(in crate::spectrum) use bare::{ordering as bare_ordering, plus_mass, solve a
 pub(in crate::spectrum) use climb::{columns, is_dense, is_dense_by_blocks, solve_from};
 pub use climb::{solve, solve_with_space};
 pub use dense_pairs::repair_bytes;
+pub(in crate::spectrum) use level::inverse;
 pub(in crate::spectrum) use offset::{constants_in_kernel, is_balanced, taken_off};
 pub use semidefinite::krylov_columns;
 pub(in crate::spectrum) use semidefinite::{AboveKernel, above_kernel};

@@ -56,5 +56,5 @@ pub(super) fn start(
     }
     let window = scout.window(columns + kernel.dimension(), None, true, monitor)?;
     let factor = window.factor_below(level, symbolic)?;
-    krylov::start_beside(vectors, level, kernel, &factor, columns, seed, monitor).map(Some)
+    krylov::start(vectors, level, kernel, &factor, columns, seed, monitor).map(Some)
 }

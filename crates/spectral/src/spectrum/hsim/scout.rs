@@ -162,11 +162,11 @@ impl<'a> Scout<'a> {
     fn end_of_lowest(&mut self, wanted: usize, floor: f64, monitor: &dyn Monitor) -> Result<f64, HsimError> {
         let (spread, most) = (self.spread(), self.most_counts());
         let (mut few, first) = (floor, -floor / 64.0);
-        let (mut many, mut found) = self.count_near(first, first / 32.0)?;
+        let (mut many, mut found) = self.count_beside(first, first / 32.0)?;
         while found < wanted && many < spread {
             monitor.checkpoint()?;
             few = many;
-            (many, found) = self.count_near((16.0 * many).min(spread), many / 32.0)?;
+            (many, found) = self.count_beside((16.0 * many).min(spread), many / 32.0)?;
         }
         for _ in 0..most {
             let width = many - few;
@@ -174,7 +174,7 @@ impl<'a> Scout<'a> {
                 break;
             }
             monitor.checkpoint()?;
-            let (middle, below) = self.count_near(few + 0.5 * width, width / 32.0)?;
+            let (middle, below) = self.count_beside(few + 0.5 * width, width / 32.0)?;
             if below < wanted {
                 few = middle;
             } else {
@@ -186,7 +186,7 @@ impl<'a> Scout<'a> {
 
     /// The eigenvalues below a shift, or a little beside it where no factor is found there: zero is an eigenvalue of many a matrix, and a diagonal of zeros
     /// hides what lies next to it. And where they were counted.
-    fn count_near(&mut self, shift: f64, step: f64) -> Result<(f64, usize), HsimError> {
+    fn count_beside(&mut self, shift: f64, step: f64) -> Result<(f64, usize), HsimError> {
         match self.count(shift) {
             Err(HsimError::Numerical(_)) => Ok((shift + step, self.count(shift + step)?)),
             found => Ok((shift, found?)),
@@ -299,14 +299,14 @@ impl<'a> Scout<'a> {
         Ok(Some(Shift { at, factor, below }))
     }
 
-    /// As [`Self::middle`] where some eigenvalues are negative: a shift of either sign, between one below all eigenvalues and one above those that are
-    /// wanted. A few values may lie far below all others.
-    pub fn middle_of_either_sign(
+    /// As [`Self::middle`] where some eigenvalues are negative: a shift of either sign, inside the window of what is wanted. A few values may lie far below
+    /// all others.
+    pub fn middle_of(
         &mut self,
+        Window { low, high, .. }: Window,
         wanted: usize,
         monitor: &dyn Monitor,
     ) -> Result<Option<Shift<'a>>, HsimError> {
-        let Window { low, high, .. } = self.window(wanted, None, false, monitor)?;
         let (target, spread) = (MIDDLE * wanted as f64, self.spread());
         let (enough, at_last) = (shares(MIDDLE_ENOUGH, wanted), shares(MIDDLE_AT_LAST, wanted));
         let most = 2 * self.most_counts();

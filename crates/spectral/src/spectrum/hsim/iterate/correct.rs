@@ -182,6 +182,7 @@ impl<'a> Iteration<'a> {
         self.solve_apart(apart, directions, |factor, panel, _| {
             factor.solve_panel(panel);
             kernel.remove_from_panel(panel);
+            Ok(())
         })
     }
 }
