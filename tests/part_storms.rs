@@ -14,6 +14,8 @@ mod process;
 #[cfg(feature = "cluster")]
 #[path = "common/s3.rs"]
 mod s3;
+#[path = "common/storm.rs"]
+mod storm;
 
 use std::{
     collections::{HashMap, HashSet},
@@ -27,44 +29,20 @@ use std::{
 use chladni::store::fault::FailPoint;
 use process::{PATIENCE, Server};
 use serde_json::{Value, json};
+use storm::{Dice, rounds, seed};
 
 const PARTS: usize = 3;
 /// So many jobs wait or run while there are rounds to come.
 const JOBS_AT_ONCE: usize = 3;
 
-fn rounds(few: usize) -> usize {
-    std::env::var("CHLADNI_STORMS").ok().and_then(|rounds| rounds.parse().ok()).unwrap_or(few)
-}
-
-fn seed(usual: u64) -> u64 {
-    std::env::var("CHLADNI_SEED").ok().and_then(|seed| seed.parse().ok()).unwrap_or(usual)
-}
-
-/// Numbers at random, the same every time.
-struct Dice(u64);
-
-impl Dice {
-    fn below(&mut self, bound: u64) -> u64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 33) % bound
-    }
-
-    fn pause(&mut self, least_ms: u64, most_ms: u64) -> Duration {
-        Duration::from_millis(least_ms + self.below(most_ms - least_ms))
-    }
-
-    /// A point at which a process dies, when it comes to it for the first time or a later one; or none, in one case of three.
-    fn fault(&mut self) -> Option<String> {
-        let points: Vec<FailPoint> = FailPoint::ALL
-            .into_iter()
-            .chain(FailPoint::OF_DIVISION)
-            .filter(|&at| at != FailPoint::AfterEnqueue)
-            .collect();
-        let point = points[self.below(points.len() as u64) as usize];
-        // Work comes to checkpoints by the hundred.
-        let times = self.below(if point == FailPoint::MidRun { 300 } else { 3 });
-        (self.below(3) > 0).then(|| format!("{}:kill:{times}", point.name()))
-    }
+/// A point at which a process dies, when it comes to it for the first time or a later one; or none, in one case of three.
+fn fault(dice: &mut Dice) -> Option<String> {
+    let points: Vec<FailPoint> =
+        FailPoint::ALL.into_iter().chain(FailPoint::OF_DIVISION).filter(|&at| at != FailPoint::AfterEnqueue).collect();
+    let point = points[dice.below(points.len() as u64) as usize];
+    // Work comes to checkpoints by the hundred.
+    let times = dice.below(if point == FailPoint::MidRun { 300 } else { 3 });
+    (dice.below(3) > 0).then(|| format!("{}:kill:{times}", point.name()))
 }
 
 /// Enough vertices for columns that are made a piece at a time.
@@ -247,7 +225,7 @@ async fn a_server_that_is_killed_over_and_over_joins_what_it_would_have_undistur
         at_points += usize::from(server.process.try_wait().unwrap().is_some());
         *watch.url.lock().unwrap() = None;
         server.kill();
-        let fault = dice.fault();
+        let fault = fault(&mut dice);
         server = start(fault.as_deref()).or_else(|_| start(None)).unwrap();
         *watch.url.lock().unwrap() = Some(server.url.clone());
     }
@@ -297,7 +275,7 @@ async fn workers_that_are_killed_over_and_over_join_what_they_would_have_undistu
             let is_dead = worker.0.try_wait().unwrap().is_some();
             at_points += usize::from(is_dead);
             if is_dead || place == doomed {
-                *worker = start(dice.fault().as_deref());
+                *worker = start(fault(&mut dice).as_deref());
             }
         }
     }

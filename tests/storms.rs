@@ -12,6 +12,8 @@ mod postgres;
 mod process;
 #[path = "common/s3.rs"]
 mod s3;
+#[path = "common/storm.rs"]
+mod storm;
 #[path = "common/weed.rs"]
 mod weed;
 
@@ -29,6 +31,7 @@ use places::{LEASE, Places, Worker};
 use process::{PATIENCE, Server};
 use rustix::process::Signal;
 use serde_json::{Value, json};
+use storm::{Dice, rounds, seed};
 use weed::Weed;
 
 const WORKERS: usize = 3;
@@ -37,28 +40,6 @@ const WORKERS: usize = 3;
 const DIVIDED: u32 = 12;
 const PAIRS: usize = 136;
 const SERVERS: usize = 2;
-
-fn rounds(few: usize) -> usize {
-    std::env::var("CHLADNI_STORMS").ok().and_then(|rounds| rounds.parse().ok()).unwrap_or(few)
-}
-
-fn seed(usual: u64) -> u64 {
-    std::env::var("CHLADNI_SEED").ok().and_then(|seed| seed.parse().ok()).unwrap_or(usual)
-}
-
-/// Numbers at random, the same every time.
-struct Dice(u64);
-
-impl Dice {
-    fn below(&mut self, bound: u64) -> u64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 33) % bound
-    }
-
-    fn pause(&mut self, least_ms: u64, most_ms: u64) -> Duration {
-        Duration::from_millis(least_ms + self.below(most_ms - least_ms))
-    }
-}
 
 /// What clients know, and where they ask.
 struct Clients {
