@@ -35,6 +35,9 @@ def triangles(faces: Any) -> np.ndarray:
         raise parameter_error(f"faces have the dtype {array.dtype}, where integers are due")
     if array.ndim != 2 or array.shape[1] != 3:
         raise parameter_error(f"faces have the shape {array.shape}, where (f, 3) is due: triangles, by the numbers of their vertices")
+    if array.dtype == np.uint64 and array.size and (largest := int(array.max())) >= 2**63:
+        face = int(np.argmax(array.max(axis=1)))
+        raise parameter_error(f"face {face} names vertex {largest}, which there is not")
     return np.ascontiguousarray(array, dtype=np.int64)
 
 

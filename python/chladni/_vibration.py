@@ -192,14 +192,13 @@ def vibration(
     request: dict[str, Any] = dict(parameters)
     given = {"young": young, "poisson": poisson, "density": density}
     if any(value is not None for value in given.values()):
-        request["material"] = {name: float(value) for name, value in given.items() if value is not None}
+        request["material"] = {name: _arrays.number(value, name) for name, value in given.items() if value is not None}
     if k is not None:
         request["count"] = _arrays.whole(k, "k", least=1)
     if thickness is not None:
-        request["thickness"] = float(thickness)
-    held = np.asarray(clamped, dtype=np.int64).ravel()
-    if held.size:
-        request["clamped"] = held.tolist()
+        request["thickness"] = _arrays.number(thickness, "thickness")
+    if np.size(clamped):
+        request["clamped"] = _arrays.vertex_list(clamped, "clamped")[0]
     told, close = _arrays.progress_callback(progress)
     try:
         native = _native.vibration(mesh._core, json.dumps(request, default=_plain), told)

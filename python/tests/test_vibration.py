@@ -68,3 +68,6 @@ def test_refusals_name_what_does_not_fit(plate):
         modes.simulate([0.2, 0.1], [])
     with pytest.raises(chladni.Error):
         chladni.vibration(mesh, k=8, young=70.0, poisson=0.3, density=2.5)
+    for clamped in (np.arange(mesh.vertices.shape[0]) < 5, [0.5, 1.7], [-1]):
+        with pytest.raises(chladni.ParameterError, match="clamped"):
+            chladni.vibration(mesh, k=8, thickness=0.02, young=70.0, poisson=0.3, density=2.5, clamped=clamped)

@@ -71,7 +71,7 @@ fn page(report: &MeshReport, refusal: Option<&MeshError>) -> String {
         counts.row([name.to_owned(), value]);
     }
     if report.polygons > 0 {
-        let parts = "their Laplacian, potentials and families keep their shape; all else is made of the triangles they are cut into";
+        let parts = "their Laplacian, potentials and families keep their shape, unless pieces of them are thin; all else is made of the triangles they are cut into";
         counts.row(["polygons".to_owned(), format!("{}: {parts}", grouped(report.polygons))]);
     }
     if report.points {

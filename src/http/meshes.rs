@@ -206,7 +206,7 @@ async fn upload(
             let made = subdivided_bytes(&raw, subdivisions);
             if subdivisions > 0 && made > most_bytes {
                 let detail = format!(
-                    "subdivide: the mesh would take about {made} bytes after {subdivisions} subdivisions; the limit is {most_bytes}."
+                    "subdivide: the mesh would take about {made} bytes subdivided {subdivisions} times; the limit is {most_bytes}."
                 );
                 return Err(Problem::new(&problem::BODY_TOO_LARGE, detail).with("limit", most_bytes));
             }

@@ -61,6 +61,12 @@ pub enum AnalysisError {
         /// Its value.
         value: f64,
     },
+    /// A spectrum without an eigenvalue above its kernel.
+    #[error("shape {shape} has no eigenvalue above its kernel: there is nothing to compare")]
+    NothingAbove {
+        /// The shape.
+        shape: usize,
+    },
     /// The lowest pairs are needed, and the basis holds others.
     #[error("the basis holds the pairs of an interval, from number {first} on, and this needs the lowest ones")]
     NotLowest {

@@ -70,13 +70,13 @@ pub enum Transfer {
         /// The factor.
         gain: f64,
     },
-    /// Diffusion: `e^{−λ t}`; the detail beyond the basis is damped as its last mode is.
+    /// Diffusion: `e^{−λ t}`, which grows where an eigenvalue is negative; the detail beyond the basis is damped as its last mode is.
     Heat {
         /// The time `t ≥ 0`, in length² of the input.
         time: f64,
     },
     /// Sharpening: `1 + strength · λ / (λ + cutoff)`, from 1 for the coarsest shape to `1 + strength` for detail, that beyond the basis
-    /// included. A negative strength, not below −1, softens.
+    /// included. A negative strength, not below −1, softens. Eigenvalues below zero are taken as 0.
     Sharpen {
         /// The eigenvalue where half of the strength is reached.
         cutoff: f64,
@@ -104,15 +104,19 @@ impl Transfer {
     /// # Errors
     /// [`FilterError`] names a parameter out of range.
     pub fn factors(&self, eigenvalues: &[f64]) -> Result<(Vec<f64>, f64), FilterError> {
-        let each = |factor: &dyn Fn(f64) -> f64| eigenvalues.iter().map(|&value| factor(value.max(0.0))).collect();
+        // What rounding alone keeps from zero is zero: a kernel at −1e-14 is within `0 ≤ λ`.
+        let rounding = -1e-10 * eigenvalues.iter().fold(0.0f64, |most, value| most.max(value.abs()));
+        let exact = |value: f64| if value < 0.0 && value >= rounding { 0.0 } else { value };
+        let each = |factor: &dyn Fn(f64) -> f64| eigenvalues.iter().map(|&value| factor(exact(value))).collect();
+        let last = eigenvalues.last().map_or(0.0, |&value| exact(value));
         let unit = |holds: bool| if holds { 1.0 } else { 0.0 };
         Ok(match *self {
             Self::LowPass { cutoff } => {
-                non_negative("cutoff", cutoff)?;
+                finite("cutoff", cutoff)?;
                 (each(&|value| unit(value <= cutoff)), 0.0)
             }
             Self::HighPass { cutoff } => {
-                non_negative("cutoff", cutoff)?;
+                finite("cutoff", cutoff)?;
                 (each(&|value| unit(value > cutoff)), 1.0)
             }
             Self::BandPass { low, high } => {
@@ -121,15 +125,17 @@ impl Transfer {
             }
             Self::Gain { low, high, gain } => {
                 band(low, high)?;
-                if !gain.is_finite() {
-                    return Err(FilterError::Parameter { parameter: "gain", value: gain, expected: "a finite number" });
-                }
+                finite("gain", gain)?;
                 (each(&|value| if (low..=high).contains(&value) { gain } else { 1.0 }), 1.0)
             }
             Self::Heat { time } => {
                 non_negative("time", time)?;
-                let last = eigenvalues.last().copied().unwrap_or(0.0).max(0.0);
-                (each(&|value| (-value * time).exp()), (-last * time).exp())
+                let heat = |value: f64| (-value * time).exp();
+                if eigenvalues.first().is_some_and(|&least| !heat(least).is_finite()) {
+                    let expected = "a time for which e^{-λ time} is finite at the least eigenvalue";
+                    return Err(FilterError::Parameter { parameter: "time", value: time, expected });
+                }
+                (each(&heat), heat(last))
             }
             Self::Sharpen { cutoff, strength } => {
                 if !(cutoff.is_finite() && cutoff > 0.0) {
@@ -140,7 +146,8 @@ impl Transfer {
                     let expected = "a finite number, at least -1";
                     return Err(FilterError::Parameter { parameter: "strength", value: strength, expected });
                 }
-                (each(&|value| 1.0 + strength * value / (value + cutoff)), 1.0 + strength)
+                let sharper = |value: f64| 1.0 + strength * value.max(0.0) / (value.max(0.0) + cutoff);
+                (each(&sharper), 1.0 + strength)
             }
             Self::Curve { ref points } => {
                 if points.is_empty() {
@@ -157,7 +164,6 @@ impl Transfer {
                         expected: "an eigenvalue above the one before",
                     });
                 }
-                let last = eigenvalues.last().copied().unwrap_or(0.0).max(0.0);
                 (each(&|value| on_curve(points, value)), on_curve(points, last))
             }
             Self::Samples { ref values, beyond } => {
@@ -167,10 +173,7 @@ impl Transfer {
                 if let Some(index) = values.iter().position(|v| !v.is_finite()) {
                     return Err(FilterError::NotFinite { index });
                 }
-                if !beyond.is_finite() {
-                    let expected = "a finite number";
-                    return Err(FilterError::Parameter { parameter: "beyond", value: beyond, expected });
-                }
+                finite("beyond", beyond)?;
                 (values.clone(), beyond)
             }
         })
@@ -194,8 +197,15 @@ fn non_negative(parameter: &'static str, value: f64) -> Result<(), FilterError> 
     Err(FilterError::Parameter { parameter, value, expected: "a finite number that is not negative" })
 }
 
+fn finite(parameter: &'static str, value: f64) -> Result<(), FilterError> {
+    if value.is_finite() {
+        return Ok(());
+    }
+    Err(FilterError::Parameter { parameter, value, expected: "a finite number" })
+}
+
 fn band(low: f64, high: f64) -> Result<(), FilterError> {
-    non_negative("low", low)?;
+    finite("low", low)?;
     if high.is_finite() && high >= low {
         return Ok(());
     }
@@ -290,6 +300,19 @@ mod tests {
         assert!(distance(&filter(&basis, &x, &curve).unwrap(), &by_samples(&hand, 2.0)) < 1e-13);
         let constant = Transfer::Curve { points: vec![[1.0, 0.5]] };
         assert!(distance(&filter(&basis, &x, &constant).unwrap(), &by_samples(&|_| 0.5, 0.5)) < 1e-13);
+    }
+
+    #[test]
+    fn negative_eigenvalues_are_themselves_and_rounding_below_zero_is_zero() {
+        let values = [-2.0, -1e-13, 0.5, 3.0];
+        let factors = |transfer: Transfer| transfer.factors(&values).unwrap();
+        let exact: Vec<f64> = [2.0f64, 0.0, -0.5, -3.0].iter().map(|x| x.exp()).collect();
+        assert_eq!(factors(Transfer::Heat { time: 1.0 }), (exact, (-3.0f64).exp()));
+        assert_eq!(factors(Transfer::BandPass { low: 0.0, high: 1.0 }).0, [0.0, 1.0, 1.0, 0.0]);
+        assert_eq!(factors(Transfer::HighPass { cutoff: -1.0 }).0, [0.0, 1.0, 1.0, 1.0]);
+        assert_eq!(factors(Transfer::Sharpen { cutoff: 2.0, strength: 1.0 }).0[..3], [1.0, 1.0, 1.2]);
+        let boundless = Transfer::Heat { time: 1e3 }.factors(&values).unwrap_err().to_string();
+        assert!(boundless.starts_with("time is 1000, where a time for which"), "{boundless}");
     }
 
     #[test]

@@ -97,11 +97,14 @@ pub struct Compared {
 /// Compares shapes.
 ///
 /// # Errors
-/// [`AnalysisError`]: too few shapes or too many, a spectrum with fewer than `count` eigenvalues above its kernel;
+/// [`AnalysisError`]: too few shapes or too many, a spectrum with fewer than `count` eigenvalues above its kernel, or none;
 /// [`AnalysisError::NoScale`] names the first shape whose area, or whose first eigenvalue above the kernel, is not above zero.
 pub fn compare(spectra: &[Spectrum], how: &Comparison) -> Result<Compared, AnalysisError> {
     error::count("shapes", spectra.len(), 2, MOST_SHAPES)?;
     error::count("dimensions", how.dimensions, 2, 3)?;
+    if let Some(shape) = spectra.iter().position(|spectrum| spectrum.count() == 0) {
+        return Err(AnalysisError::NothingAbove { shape });
+    }
     let shortest = spectra.iter().map(Spectrum::count).min().unwrap_or(0);
     error::count("count", how.count, 1, shortest)?;
     let mut descriptors = DenseMatrix::zeros(how.count, spectra.len());
@@ -239,6 +242,8 @@ mod tests {
         let held = [shape.clone(), spectrum(&[1.0, 2.0, 3.0], 1.0)];
         assert!(error(&held, PLAIN).starts_with("count: 3, where 1 to 2"));
         assert!(error(&two, Comparison { dimensions: 4, count: 2, ..PLAIN }).starts_with("dimensions: 4"));
+        let bare = [shape.clone(), spectrum(&[0.0], 1.0)];
+        assert_eq!(error(&bare, PLAIN), "shape 1 has no eigenvalue above its kernel: there is nothing to compare");
         let flat = [shape, spectrum(&[0.0, 1.0, 2.0], 0.0)];
         let told = error(&flat, Comparison { scale: Scale::Area, count: 2, ..PLAIN });
         assert_eq!(told, "shape 1 has no scale: its area is 0, not above zero");

@@ -57,6 +57,12 @@ pub enum FormatError {
         /// What is wrong with it.
         reason: String,
     },
+    /// It is another product, that has its own reader.
+    #[error("the file holds {found}, where an eigenbasis is due")]
+    Other {
+        /// What it holds.
+        found: &'static str,
+    },
     /// Some columns of a dense basis could not be read.
     #[error(transparent)]
     Functions(#[from] BasisError),

@@ -131,6 +131,18 @@ impl<'a> Archive<'a> {
         self.directory.index_for_name(&format!("{name}.npy")).is_some()
     }
 
+    /// What else than an eigenbasis the archive is, by a member that the other alone has.
+    fn another_product(&self) -> Option<&'static str> {
+        let alone = [
+            ("masses", "vibration modes"),
+            ("extrinsic", "a family of operators"),
+            ("samples", "a field basis"),
+            ("disagreements", "maps of a collection"),
+            ("part", "a part of a surface"),
+        ];
+        alone.into_iter().find(|(member, _)| self.has(member)).map(|(_, found)| found)
+    }
+
     pub fn member(&mut self, name: &'a str) -> Result<Array<'a>, FormatError> {
         let file = self.directory.by_name(&format!("{name}.npy")).map_err(|error| wrong(name, error.to_string()))?;
         if file.compression() != CompressionMethod::Stored {
@@ -240,6 +252,9 @@ pub fn check_sums(bytes: &[u8]) -> Result<(), FormatError> {
 /// [`FormatError`] names the member that is missing, damaged or of another shape than the rest.
 pub fn read(bytes: &[u8]) -> Result<Basis, FormatError> {
     let mut archive = Archive::open(Frame::whole(bytes))?;
+    if let Some(found) = archive.another_product() {
+        return Err(FormatError::Other { found });
+    }
     if !archive.has("functions") {
         let compact = archive.compact()?;
         let n = compact.space.rows();

@@ -142,13 +142,13 @@ impl Bench<'_> {
             }
             if lanczos::has_room(n, pairs, tolerance) {
                 let wanted = lanczos::Wanted::lowest(n, pairs, q, tolerance, seed);
-                let found = if kernel == 0 && !scout.is_semidefinite()? {
+                let found = if kernel == 0 {
                     outliers::start(of, &known, &mut scout, wanted, self.monitor)?
                 } else {
                     let found = lanczos::start(of.0, of.1, &known, wanted, self.monitor)?;
                     found.map(|found| (found, Columns::Ritz))
                 };
-                if let Some((lanczos::Found { values, vectors }, columns)) = found {
+                if let Some((lanczos::Found { values, vectors, .. }, columns)) = found {
                     if kernel > 0 && values.first().is_some_and(|&value| value < -NEGLIGIBLE * scout.spread()) {
                         finest.level.component.fill(NO_KERNEL);
                         continue;
@@ -178,7 +178,7 @@ impl Bench<'_> {
             return 0.0;
         };
         let longest = (0..finest.level.size()).map(|row| finest.level.stiffness.row(row).0.len()).max().unwrap_or(0);
-        let spread = Scout::new(&finest.level, &finest.symbolic).spread();
+        let spread = largest_terms(&finest.level, &begun.vectors, wanted).min(finest.level.spread());
         // What a residual of the tolerance can be told from.
         let rounding = 64.0 * f64::EPSILON * (longest as f64 + 4.0) * spread / self.parameters.tolerance;
         // Beside a kernel that is known, the lowest value is as good as any.
@@ -225,6 +225,25 @@ impl Bench<'_> {
         Ok(Bare { pairs, moved })
     }
 }
+
+/// The largest of `‖|S| |x|‖ / ‖M x‖` of some of the wanted columns: products with them are rounded by units of that, which is far less than the largest
+/// eigenvalue where rows of large entries, such as penalties on fixed unknowns, are next to zero in all of them.
+fn largest_terms(level: &Level, vectors: &PanelMatrix, wanted: usize) -> f64 {
+    let wanted = wanted.min(vectors.columns());
+    let norm = |values: &mut dyn Iterator<Item = f64>| values.map(|value| value * value).sum::<f64>().sqrt();
+    let terms = |column: usize| {
+        let x = vectors.column(column);
+        let of_row = |row: usize| {
+            let (columns, entries) = level.stiffness.row(row);
+            columns.iter().zip(entries).map(|(&column, entry)| (entry * x[column as usize]).abs()).sum::<f64>()
+        };
+        norm(&mut (0..x.len()).map(of_row)) / norm(&mut level.mass.multiply(&x).into_iter())
+    };
+    (0..wanted).step_by(wanted.div_ceil(SAMPLED).max(1)).map(terms).fold(0.0, f64::max)
+}
+
+/// Of about so many columns terms are measured.
+const SAMPLED: usize = 32;
 
 /// The pairs to converge, those of the kernel left out: one above it tells where it ends.
 fn nontrivial(wanted: usize, kernel: usize, n: usize) -> usize {

@@ -28,6 +28,8 @@ pub(super) struct Found {
     pub values: Vec<f64>,
     /// Their vectors, orthonormal up to rounding, or as far as was asked for.
     pub vectors: PanelMatrix,
+    /// How many of those that are wanted have not converged.
+    pub left: usize,
 }
 
 /// The shift of the inverse.
@@ -57,7 +59,7 @@ const NOTHING: f64 = 1e-15;
 
 /// Columns of a space from a shift among clusters, where few pairs are wanted, and the most numbers in them: 128 MB, which every promise has room for.
 const FOR_CLUSTERS: usize = 400;
-const NUMBERS_FOR_CLUSTERS: usize = 16 << 20;
+pub(super) const NUMBERS_FOR_CLUSTERS: usize = 16 << 20;
 
 /// Residuals of eigenvalues below this share of the shift are taken relative to that.
 const LEAST: f64 = 5e-3;
@@ -117,10 +119,13 @@ pub(super) fn start(
     scout.keep_storage(shift.factor);
     let Some(shift) = scout.strict_middle(of, wanted.least_shift, monitor)? else { return Ok(None) };
     // Clusters have to be gone through before what lies far below them shows.
-    let room = (NUMBERS_FOR_CLUSTERS / level.size()).min(level.size() / TUNING.krylov.largest_share);
-    let most = wanted.most.max(FOR_CLUSTERS.min(room));
-    let wanted = Wanted { most, ..wanted };
+    let wanted = Wanted { most: wanted.most.max(for_clusters(level.size())), ..wanted };
     pairs_or_none(level, symbolic, kernel, &shift, wanted, monitor)
+}
+
+/// The columns of a space from a shift among clusters, of a level of a size.
+pub(super) fn for_clusters(size: usize) -> usize {
+    FOR_CLUSTERS.min(NUMBERS_FOR_CLUSTERS / size).min(size / TUNING.krylov.largest_share)
 }
 
 /// As [`pairs`]; nothing where the space breaks down: another start may serve.
@@ -174,9 +179,8 @@ pub(super) fn pairs(
             if wanted.from == 0 { ritz.below() == shift.below } else { ritz.below() + wanted.from >= shift.below };
         let complete = down && chosen.len() >= wanted.pairs;
         match pending.count() {
-            0 if complete => return space.vectors(&ritz, &chosen, memory).map(Some),
-            few if complete && few <= wanted.leave.most(wanted.pairs, look == most, (look - first) / ONE_LOOK) => {
-                return space.vectors(&ritz, &chosen, memory).map(Some);
+            left if complete && left <= wanted.leave.most(wanted.pairs, look == most, (look - first) / ONE_LOOK) => {
+                return Ok(Some(Found { left, ..space.vectors(&ritz, &chosen, memory)? }));
             }
             _ if look == most => return Ok(None),
             _ => look = (look + between).min(most),
@@ -471,7 +475,7 @@ impl<'a> Space<'a> {
         drop(self.open);
         self.memory.extend(rotate_and_spare(&mut self.basis, &coefficients, self.monitor)?);
         *memory = self.memory;
-        Ok(Found { values, vectors: self.basis })
+        Ok(Found { values, vectors: self.basis, left: 0 })
     }
 }
 

@@ -7,6 +7,7 @@ mod certificate;
 mod certify;
 mod climb;
 mod columns;
+mod cuts;
 mod deliver;
 mod dense_pairs;
 mod floor;
@@ -251,11 +252,11 @@ impl HsimParameters {
             Wanted::Count(count) => within("count", count as f64, 1.0, f64::from(u32::MAX))?,
             Wanted::Below { bound, most } => {
                 within("below", bound, -MOST_BOUND, MOST_BOUND)?;
-                within("most", most as f64, 1.0, f64::from(u32::MAX))?;
+                within("at_most", most as f64, 1.0, f64::from(u32::MAX))?;
             }
             Wanted::Between { from, to, most } => {
                 within("between", to, -MOST_BOUND, MOST_BOUND)?;
-                within("most", most as f64, 1.0, f64::from(u32::MAX))?;
+                within("at_most", most as f64, 1.0, f64::from(u32::MAX))?;
                 if !(from < to && from.is_finite()) {
                     return Err(HsimError::empty_interval(from, to));
                 }

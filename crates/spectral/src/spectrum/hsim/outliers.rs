@@ -1,26 +1,22 @@
-//! Where a start is looked for if some eigenvalues are negative: a few may lie far below all others, as a dense row of a matrix or a deep well of a
-//! potential makes them.
+//! Where a start is looked for if some eigenvalues are negative: some may lie far below all others, as a dense row of a matrix, a term of low rank or deep
+//! wells of a potential make them.
 //!
 //! From a shift among the others, the inverse takes such values for next to nothing: they lie in the middle of its spectrum, where a Krylov space finds
-//! them last. From a shift below them, the others are one cluster. So each part has a space of its own where one does not hold both.
+//! them last. From a shift below them, the others are one cluster. So the spectrum is cut where what lies above is narrow beside its distance from what lies
+//! below, and each part has a space of its own.
 
-use chladni_algebra::SymbolicFactor;
+use chladni_algebra::{PanelMatrix, SymbolicFactor};
 use chladni_base::Monitor;
 
 use super::HsimError;
+use super::cuts::{FEW, NARROW_SHARE, Part};
 use super::kernel::Kernel;
-use super::lanczos::{Found, Wanted, most, pairs_or_none};
+use super::lanczos::{self, Found, Leave, NUMBERS_FOR_CLUSTERS, Wanted, for_clusters, most, pairs_or_none};
 use super::level::Level;
-use super::scout::Scout;
+use super::scout::{Scout, Window};
 use super::solve::Columns;
 
-/// Values are outliers that lie below the middle of what is wanted by so many times what the upper half takes.
-const FAR: f64 = 8.0;
-
-/// At most one of so many wanted pairs is an outlier.
-const FEW: usize = 3;
-
-/// The wanted pairs of a pencil without a known kernel, and what is known of them: Ritz pairs of one space, or of two, outliers first, which are orthogonal to
+/// The wanted pairs of a pencil without a known kernel, and what is known of them: Ritz pairs of one space, or of several, which are orthogonal to
 /// each other as far as they have converged. Nothing where a space breaks down or does not hold its part.
 pub(super) fn start(
     (level, symbolic): (&Level, &SymbolicFactor),
@@ -29,22 +25,96 @@ pub(super) fn start(
     wanted: Wanted,
     monitor: &dyn Monitor,
 ) -> Result<Option<(Found, Columns)>, HsimError> {
-    let window = scout.window(wanted.pairs, None, false, monitor)?;
-    let Some(middle) = scout.middle_of(window, wanted.pairs, monitor)? else { return Ok(None) };
-    if let Some(found) = pairs_or_none(level, symbolic, kernel, &middle, wanted, monitor)? {
-        return Ok(Some((found, Columns::Ritz)));
+    // What follows tells how far apart the last ones lie.
+    let columns = wanted.columns.min(level.size());
+    let mut window = None;
+    let single = if scout.is_semidefinite()? {
+        lanczos::start(level, symbolic, kernel, wanted, monitor)?
+    } else {
+        let Window { low, high, .. } = *window.insert(scout.window(columns, None, false, monitor)?);
+        let whole = Part { low, high, from: 0, count: wanted.pairs };
+        match scout.middle_of(&whole, monitor)? {
+            Some(middle) => {
+                let found = pairs_or_none(level, symbolic, kernel, &middle, wanted, monitor)?;
+                scout.keep_storage(middle.factor);
+                found
+            }
+            None => None,
+        }
+    };
+    if single.as_ref().is_some_and(|found| found.left == 0 && is_spread(&found.values, wanted.pairs)) {
+        return Ok(single.map(|found| (found, Columns::Ritz)));
     }
-    let outliers = scout.count(middle.at - FAR * (window.high - middle.at))?;
-    if outliers == 0 || outliers > wanted.pairs / FEW {
-        return Ok(None);
+    let Window { low, high, .. } = match window {
+        Some(window) => window,
+        None => scout.window(columns, None, false, monitor)?,
+    };
+    let whole = Part { low, high, from: 0, count: wanted.pairs };
+    let parts = scout.cut(whole, monitor)?;
+    let single = single.map(|found| (found, Columns::Ritz));
+    if parts.len() < 2 {
+        return Ok(single);
     }
-    let lowest = window.shift_below(level, symbolic)?;
-    let first = Wanted { pairs: outliers, columns: outliers, most: most(level.size(), outliers), ..wanted };
-    let Some(mut found) = pairs_or_none(level, symbolic, kernel, &lowest, first, monitor)? else { return Ok(None) };
-    let (pairs, columns) = (wanted.pairs - outliers, wanted.columns - outliers);
-    let rest = Wanted { from: outliers, pairs, columns, ..wanted };
-    let Some(rest) = pairs_or_none(level, symbolic, kernel, &middle, rest, monitor)? else { return Ok(None) };
-    found.vectors.insert(outliers, &rest.vectors);
-    found.values.extend(rest.values);
-    Ok(Some((found, Columns::Solved)))
+    let single = single.filter(|(found, _)| found.left == 0 && is_small(&found.vectors));
+    Ok(of_parts((level, symbolic), kernel, scout, &parts, wanted, monitor)?.or(single))
+}
+
+/// Whether values are spread over their range as seen from the upper end: a shift among them tells those apart that lie there. Where not, those are as exact as
+/// their distance from the rest allows, and not as they could be.
+fn is_spread(values: &[f64], wanted: usize) -> bool {
+    // Of a few, what follows tells more.
+    let values = &values[..values.len().min(2 * wanted + FEW)];
+    let Some(&last) = values.last() else { return true };
+    let mut half = values.len() / 2;
+    while half >= FEW {
+        let [whole, upper] = [2 * half, half].map(|count| last - values[values.len() - count]);
+        if upper < NARROW_SHARE * whole {
+            return false;
+        }
+        half /= 2;
+    }
+    true
+}
+
+/// Whether columns are so few that every promise of memory has room for as many again.
+fn is_small(vectors: &PanelMatrix) -> bool {
+    vectors.rows() * vectors.columns() <= NUMBERS_FOR_CLUSTERS
+}
+
+/// The pairs of each part from a space of its own; nothing where one does not hold its part.
+fn of_parts(
+    (level, symbolic): (&Level, &SymbolicFactor),
+    kernel: &Kernel<'_>,
+    scout: &mut Scout<'_>,
+    parts: &[Part],
+    wanted: Wanted,
+    monitor: &dyn Monitor,
+) -> Result<Option<(Found, Columns)>, HsimError> {
+    let mut all = Found { values: Vec::new(), vectors: PanelMatrix::zeros(level.size(), 0), left: 0 };
+    for part in parts {
+        let is_last = part.from + part.count == wanted.pairs;
+        let columns = if is_last { wanted.columns - part.from } else { part.count };
+        // Few pairs may be next to thousands of others.
+        let most = most(level.size(), part.count).max(for_clusters(level.size()));
+        let of = Wanted { from: part.from, pairs: part.count, columns, most, leave: Leave::WhenFull, ..wanted };
+        let mut found = None;
+        // Where the middle is a cluster, its vectors are all that a space holds; from below, all clusters are alike.
+        for is_in_the_middle in [true, false] {
+            let shift = match is_in_the_middle {
+                true => scout.middle_of(part, monitor)?,
+                false => scout.shift_at(part.low, part.from)?,
+            };
+            let Some(shift) = shift else { continue };
+            found = pairs_or_none(level, symbolic, kernel, &shift, of, monitor)?;
+            scout.keep_storage(shift.factor);
+            if found.is_some() {
+                break;
+            }
+        }
+        let Some(found) = found else { return Ok(None) };
+        all.vectors.insert(all.values.len(), &found.vectors);
+        all.values.extend(found.values);
+        all.left += found.left;
+    }
+    Ok(Some((all, Columns::Solved)))
 }

@@ -4,6 +4,7 @@ use chladni_algebra::{Factor, SparseMatrix, SymbolicFactor};
 use chladni_base::Monitor;
 
 use super::HsimError;
+use super::cuts::Part;
 use super::lanczos::Shift;
 use super::level::Level;
 use super::shifts::{self, factor_near};
@@ -21,7 +22,10 @@ const MOST_STRICTLY: usize = 60;
 const SPARSE: usize = 100;
 
 /// What is closer together is one eigenvalue of many vectors.
-const NARROW: f64 = 1e-9;
+pub(super) const NARROW: f64 = 1e-9;
+
+/// How far below one eigenvalue of many vectors a shift lies, relative to it.
+const NARROW_ENOUGH: f64 = 1e-6;
 
 /// So many times the wanted number of eigenvalues are aimed at.
 const ABUNDANT: f64 = 1.6;
@@ -186,7 +190,7 @@ impl<'a> Scout<'a> {
 
     /// The eigenvalues below a shift, or a little beside it where no factor is found there: zero is an eigenvalue of many a matrix, and a diagonal of zeros
     /// hides what lies next to it. And where they were counted.
-    fn count_beside(&mut self, shift: f64, step: f64) -> Result<(f64, usize), HsimError> {
+    pub fn count_beside(&mut self, shift: f64, step: f64) -> Result<(f64, usize), HsimError> {
         match self.count(shift) {
             Err(HsimError::Numerical(_)) => Ok((shift + step, self.count(shift + step)?)),
             found => Ok((shift, found?)),
@@ -194,7 +198,7 @@ impl<'a> Scout<'a> {
     }
 
     /// How many counts a search may take.
-    fn most_counts(&self) -> usize {
+    pub fn most_counts(&self) -> usize {
         if self.symbolic.entries() <= SPARSE * self.level.size() { MOST_SPARSE } else { MOST }
     }
 
@@ -299,18 +303,14 @@ impl<'a> Scout<'a> {
         Ok(Some(Shift { at, factor, below }))
     }
 
-    /// As [`Self::middle`] where some eigenvalues are negative: a shift of either sign, inside the window of what is wanted. A few values may lie far below
+    /// As [`Self::middle`] where some eigenvalues are negative: a shift of either sign, inside a part of the spectrum. A few values may lie far below
     /// all others.
-    pub fn middle_of(
-        &mut self,
-        Window { low, high, .. }: Window,
-        wanted: usize,
-        monitor: &dyn Monitor,
-    ) -> Result<Option<Shift<'a>>, HsimError> {
+    pub fn middle_of(&mut self, part: &Part, monitor: &dyn Monitor) -> Result<Option<Shift<'a>>, HsimError> {
+        let (from, wanted) = (part.from, part.count);
         let (target, spread) = (MIDDLE * wanted as f64, self.spread());
         let (enough, at_last) = (shares(MIDDLE_ENOUGH, wanted), shares(MIDDLE_AT_LAST, wanted));
         let most = 2 * self.most_counts();
-        let (mut few, mut many) = ((low, 0), (high, None));
+        let (mut few, mut many) = ((part.low, 0), (part.high, None));
         for attempt in 0..most {
             monitor.checkpoint()?;
             let width = many.0 - few.0;
@@ -327,9 +327,9 @@ impl<'a> Scout<'a> {
                 Err(HsimError::Numerical(_)) => return Ok(None),
                 factored => factored?,
             };
-            let below = factor.eigenvalues_below();
+            let below = factor.eigenvalues_below().saturating_sub(from);
             if (if attempt < most / 2 { &enough } else { &at_last }).contains(&(below as f64)) {
-                return Ok(Some(Shift { at, factor, below }));
+                return Ok(Some(Shift { at, below: from + below, factor }));
             }
             self.storage = factor.into_storage();
             if (below as f64) < target {
@@ -338,7 +338,18 @@ impl<'a> Scout<'a> {
                 many = (at, Some(below));
             }
         }
-        Ok(None)
+        if few.1 > 0 {
+            return Ok(None);
+        }
+        // Most of it is in one place.
+        self.shift_at(few.0 - (1e-3 * (part.high - part.low)).max(NARROW_ENOUGH * few.0.abs()), from)
+    }
+
+    /// A shift that is given, if so many eigenvalues lie below.
+    pub fn shift_at(&mut self, at: f64, below: usize) -> Result<Option<Shift<'a>>, HsimError> {
+        let storage = std::mem::take(&mut self.storage);
+        let (at, factor) = factor_near(self.level, self.symbolic, at, self.spread(), storage)?;
+        Ok((factor.eigenvalues_below() == below).then_some(Shift { at, factor, below }))
     }
 
     /// Memory of a factor that is not needed any more, for the next one.

@@ -34,7 +34,7 @@ pub(super) fn groups(values: &[f64], plan: &Plan) -> Vec<Group> {
     let group = |panels: Range<usize>, by: usize| {
         let from = panels.start * PANEL_WIDTH;
         let members = &values[from..(panels.end * PANEL_WIDTH).min(values.len())];
-        let shift = shift(&members[..by.min(members.len())]);
+        let shift = shift(&members[..by.min(members.len())], top);
         Group { panels, shift, strays: strays(members, shift, top, from) }
     };
     let mut groups = vec![group(0..1.min(panels), LOWEST)];
@@ -48,21 +48,28 @@ pub(super) fn groups(values: &[f64], plan: &Plan) -> Vec<Group> {
 /// The shift of the first panel lies near the middle of so many values.
 pub(super) const LOWEST: usize = 12;
 
-/// A shift near the middle of ascending values, in the widest gap there; just below them where they are as good as one.
-pub(super) fn shift(values: &[f64]) -> f64 {
+/// A shift near the middle of ascending values, in the widest gap there; just below them where they are as good as one. The block ends at `top`: values that
+/// lie much closer to it than to zero, as beside a large constant, are one where they are so beside that distance.
+pub(super) fn shift(values: &[f64], top: f64) -> f64 {
     let values = bulk(values);
     let (least, most) = (values[0], values[values.len() - 1]);
+    let unit = |value: f64| unit(value, least, top);
     let (middle, reach) = (0.5 * (least + most), 0.12 * (most - least));
     let gap = values
         .windows(2)
         .filter(|pair| (0.5 * (pair[0] + pair[1]) - middle).abs() <= reach)
         .max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])));
     match gap {
-        Some(pair) if pair[1] - pair[0] > CLUSTER * middle.abs() => 0.5 * (pair[0] + pair[1]),
-        _ if reach > CLUSTER * middle.abs() => middle,
+        Some(pair) if pair[1] - pair[0] > CLUSTER * unit(middle) => 0.5 * (pair[0] + pair[1]),
+        _ if reach > CLUSTER * unit(middle) => middle,
         _ if least == 0.0 => -BELOW_ZERO,
-        _ => least - BESIDE * least.abs(),
+        _ => least - BESIDE * unit(least),
     }
+}
+
+/// What differences of values from `least` on are measured by in a block that ends at `top`: themselves, or how far they are from there, if they lie next to it.
+pub(super) fn unit(value: f64, least: f64, top: f64) -> f64 {
+    if top - least < NEXT_TO * value.abs() { top - least } else { value.abs() }
 }
 
 /// Ascending values without those at the ends that lie so far out that the middle between the ends is not among the middle half of the values.
@@ -85,7 +92,7 @@ pub(super) fn strays(values: &[f64], shift: f64, top: f64, from: usize) -> Vec<S
     let mut open: Vec<Range<usize>> = std::iter::once(0..count).filter(|range| !range.is_empty()).collect();
     while let Some(range) = open.pop() {
         let part = &values[range.clone()];
-        let own = self::shift(part);
+        let own = self::shift(part, top);
         let farthest = (part[0] - own).abs().max((part[part.len() - 1] - own).abs());
         let parts = strays.len() + open.len() + 1;
         if part.len() == 1 || farthest <= SERVED * (top - own).abs() || parts >= MOST_PARTS {
@@ -111,6 +118,9 @@ const MOST_PARTS: usize = 8;
 
 /// Values whose gaps are smaller than this, relative to themselves, are not told apart by a shift.
 const CLUSTER: f64 = 1e-3;
+
+/// Values are next to the end of the block that lie at so small a share of themselves from it.
+const NEXT_TO: f64 = 0.02;
 
 /// How far below a cluster its shift lies, relative to it.
 const BESIDE: f64 = 3e-3;

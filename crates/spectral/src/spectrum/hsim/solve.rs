@@ -95,7 +95,7 @@ impl Task<'_> {
         if found.is_none() {
             monitor.note(FALLBACKS, "a single Krylov space: it did not contain the pairs");
         }
-        Ok(found.map(|lanczos::Found { values, vectors }| Begun { values, vectors, columns: Columns::Ritz }))
+        Ok(found.map(|lanczos::Found { values, vectors, .. }| Begun { values, vectors, columns: Columns::Ritz }))
     }
 
     /// As [`Task::solve`]; where that leads nowhere, from all pairs of a dense solve if the problem is small, else from random vectors. A start whose

@@ -469,7 +469,7 @@ fn parameters_out_of_range_are_named() {
         ("count", HsimParameters { wanted: Wanted::Count(0), ..plain }),
         ("below", HsimParameters { wanted: Wanted::Below { bound: f64::NAN, most: 5 }, ..plain }),
         ("below", HsimParameters { wanted: Wanted::Below { bound: f64::INFINITY, most: 5 }, ..plain }),
-        ("most", HsimParameters { wanted: Wanted::Below { bound: 1.0, most: 0 }, ..plain }),
+        ("at_most", HsimParameters { wanted: Wanted::Below { bound: 1.0, most: 0 }, ..plain }),
         ("tolerance", HsimParameters { tolerance: 0.0, ..plain }),
         ("tolerance", HsimParameters { tolerance: 1.0, ..plain }),
         ("tolerance", HsimParameters { tolerance: f64::NAN, ..plain }),

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::super::HsimError;
 use super::super::columns::normalise;
 use super::super::ritz::ritz;
-use super::super::shifts::{LOWEST, Strays, factor_near, shift, strays};
+use super::super::shifts::{LOWEST, Strays, factor_near, shift, strays, unit};
 use super::{Iteration, taken_out};
 
 /// A coupling of a new direction with an old column counts from this share of what the tolerance allows.
@@ -137,7 +137,7 @@ impl<'a> Iteration<'a> {
         let apart: Vec<Strays> = values
             .chunks(PANEL_WIDTH)
             .enumerate()
-            .flat_map(|(k, values)| strays(values, shift(values), top, k * PANEL_WIDTH))
+            .flat_map(|(k, values)| strays(values, shift(values, top), top, k * PANEL_WIDTH))
             .collect();
         let apart = taken_out(apart, directions);
         let mut panels = directions.panels_mut().iter_mut();
@@ -145,14 +145,14 @@ impl<'a> Iteration<'a> {
         let mut known: Vec<(&Factor<'_>, &mut Vec<f64>)> = Vec::new();
         for (values, panel) in values.chunks(PANEL_WIDTH).zip(panels.by_ref()) {
             // A factor at hand serves as long as its shift is not much farther away than the columns are wide apart.
+            let beside = |value: f64| unit(value, values[0], top).max(unit(low, values[0], top));
             let near = self.kept.iter().map(|(shift, factor)| {
-                let farthest =
-                    values.iter().map(|&value| (value - shift).abs() / value.abs().max(low.abs())).fold(0.0, f64::max);
+                let farthest = values.iter().map(|&value| (value - shift).abs() / beside(value)).fold(0.0, f64::max);
                 (farthest, factor)
             });
             match near.min_by(|a, b| a.0.total_cmp(&b.0)) {
                 Some((farthest, factor)) if farthest <= NEAR => known.push((factor, panel)),
-                _ => open.push((shift(values), panel)),
+                _ => open.push((shift(values, top), panel)),
             }
         }
         known.into_par_iter().try_for_each(|(factor, panel)| {
