@@ -47,6 +47,20 @@ fn possible_from(floor: f64, values: &[f64]) -> f64 {
     -floor - MOST_ROUNDING * values.last().map_or(1.0, |value| value.abs().max(1.0))
 }
 
+/// About the quotient of energy and mass of the functions that a space of so many columns misses, by the values in it: on a surface they grow with their number.
+fn level_of_missing(columns: usize, values: &[f64]) -> f64 {
+    match values.last() {
+        Some(&last) if last > 0.0 => last * columns as f64 / values.len() as f64,
+        _ => 4.0 * std::f64::consts::PI * columns as f64,
+    }
+}
+
+/// By how much an estimate of a pair is too small where no eigenvalue lies below `−floor`, far below the pair, as beside a deep well at a few vertices: what is
+/// missing is measured by the pencil moved by the floor, in which its level is that much higher than above the pair.
+fn understated(value: f64, floor: f64, missing: f64) -> f64 {
+    if floor > 0.0 { (missing + floor) / (missing + (-value).clamp(0.0, floor)) } else { 1.0 }
+}
+
 /// What may still help.
 pub(super) struct Remedies {
     /// Hat functions of single vertices.
@@ -139,7 +153,11 @@ impl Attempt {
         // No eigenvalue lies below the floor, and none of index `k` above the value of pair `k`, which is a Ritz value unless rounding has decided it. A
         // value that is exactly zero is known.
         let possible = possible_from(floor, &pairs.values);
+        let missing = level_of_missing(self.ritz.space.columns(), &pairs.values);
         let Certificate { estimates, bounds, .. } = &mut self.certificate;
+        for ((estimate, bound), &value) in estimates.iter_mut().zip(bounds.iter()).zip(&pairs.values) {
+            *estimate = (*estimate * understated(value, floor, missing)).min(*bound);
+        }
         for (list, unknown) in [(estimates, f64::INFINITY), (bounds, 0.0)] {
             for (distance, value) in list.iter_mut().zip(&pairs.values) {
                 *distance = match *value >= possible {

@@ -152,7 +152,8 @@ fn reversed(
     found: &EigenPairs,
     monitor: &dyn Monitor,
 ) -> Result<EigenPairs, EigenError> {
-    let sigma = size_of(found);
+    // Beside a potential that is negative somewhere the lowest values may be, and farther from zero than the last.
+    let sigma = size_of(found) - 2.0 * found.values.first().map_or(0.0, |value| value.min(0.0));
     let (mut shifted, mut negative) = (stiffness.to_dense(), mass.to_dense());
     shifted.values_mut().iter_mut().zip(negative.values()).for_each(|(s, m)| *s += sigma * m);
     negative.values_mut().iter_mut().for_each(|m| *m = -*m);

@@ -37,9 +37,9 @@ impl Iteration<'_> {
         }
         let unit = 0.5 * f64::EPSILON;
         // Where something large was taken off, the tolerance is one of the whole, as in `require`.
-        let of_the_whole = |k: usize| match self.offset > 0.0 && self.values[k] > 0.0 {
-            true => self.values[k] / (self.values[k] + self.offset),
-            false => 1.0,
+        let of_the_whole = |k: usize| match self.whole(k) {
+            whole if whole == self.values[k] => 1.0,
+            whole => (self.values[k] / whole).abs(),
         };
         let least = |k: usize| unit * (stored[k] / sums[k].stiffness).sqrt() * of_the_whole(k);
         let doomed = (0..count).any(|k| {
@@ -58,6 +58,12 @@ impl Iteration<'_> {
         if floor > tolerance { Err(HsimError::Floor { tolerance, floor }) } else { Ok(()) }
     }
 
+    /// The value of a column with what was taken off, where that is on its side of zero, or farther from there; itself where there is none.
+    fn whole(&self, column: usize) -> f64 {
+        let value = self.values[column];
+        if self.offset * value > 0.0 || self.offset < 0.0 { value + self.offset } else { value }
+    }
+
     /// Whether the wanted pairs have converged.
     ///
     /// # Errors
@@ -68,8 +74,8 @@ impl Iteration<'_> {
         let as_close_as_it_gets = |floor: f64, column: usize| self.residual(column) <= ABOVE_FLOOR * floor;
         // Of a value that is as good as zero no residual can be asked; and where something large was taken off, the tolerance is one of the whole.
         let of_the_whole = |column: usize| {
-            let value = self.values[column];
-            self.offset > 0.0 && self.residual(column) * value <= plan.tolerance * (value + self.offset)
+            let [value, whole] = [self.values[column], self.whole(column)].map(f64::abs);
+            self.offset != 0.0 && self.residual(column) * value <= plan.tolerance * whole
         };
         let passes = |floor: f64, column: usize| {
             as_close_as_it_gets(floor, column) && (floor >= AS_GOOD_AS_ZERO || of_the_whole(column))

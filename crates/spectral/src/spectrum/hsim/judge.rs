@@ -240,7 +240,11 @@ fn residual(sums: &ColumnSums, value: f64, offset: f64, norm: f64, kernel: bool)
         (sums.residual, (norm * norm).max(offset * offset) * sums.square)
     } else {
         // ‖S x‖ + offset ‖M x‖ for a pair, whose two parts have one direction.
-        let share = if value == 0.0 { 1.0 } else { 1.0 + offset / value.abs() };
+        let share = match value {
+            0.0 => 1.0,
+            value if offset < 0.0 => 1.0 + offset / value,
+            value => 1.0 + offset / value.abs(),
+        };
         (sums.residual, sums.stiffness * share * share)
     };
     if part == 0.0 { 0.0 } else { (part / whole).sqrt() }

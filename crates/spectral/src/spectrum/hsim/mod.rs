@@ -302,4 +302,6 @@ mod bounds_tests;
 #[cfg(test)]
 mod certify_tests;
 #[cfg(test)]
+mod potentials_tests;
+#[cfg(test)]
 mod tests;

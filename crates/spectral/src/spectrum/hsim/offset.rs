@@ -12,17 +12,24 @@ const UNIT: f64 = 2.0 * f64::EPSILON;
 /// times as large even beside a constant potential of 1e12 on unit area.
 const ROUNDINGS: f64 = 1e-12;
 
-/// The stiffness without the largest multiple of the mass that leaves no row with a negative sum, and that multiple: for the Laplacian plus a
-/// positive potential it is the least value of the potential. Iterations and gaps are relative to what is left. Nothing where there is none.
+/// A potential below this is far below zero: on unit size, tens of thousands of eigenvalues lie below its magnitude without it.
+const FAR_BELOW: f64 = -5e5;
+
+/// The stiffness without the multiple of the mass that lies between zero and all sums of rows, and that multiple: for the Laplacian plus a potential of one sign
+/// it is the value of the potential that is nearest to zero. Iterations and gaps are relative to what is left. Nothing where there is none, or where it
+/// is negative and some eigenvalues may be about zero: next to that, what is taken off says nothing of what a pair is to reach.
 pub(in crate::spectrum) fn taken_off(stiffness: &SparseMatrix, mass: &MassMatrix) -> Option<(SparseMatrix, f64)> {
     let lumped = mass.lumped();
-    let mut least = f64::INFINITY;
+    let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
     for (row, mass) in lumped.iter().enumerate() {
         let (sum, error) = sum(stiffness, row);
         // What rounding makes of a sum of zero is no potential.
-        least = least.min(if sum > error { sum / mass } else { 0.0 });
+        let potential = if sum.abs() > error { sum / mass } else { 0.0 };
+        (least, most) = (least.min(potential), most.max(potential));
     }
-    if !(least > 0.0 && least.is_finite()) {
+    let far_below = most < FAR_BELOW && most - least < most.abs();
+    let offset = if far_below { most } else { least.max(0.0) };
+    if !(offset != 0.0 && offset.is_finite()) {
         return None;
     }
     let mut values = stiffness.values().to_vec();
@@ -31,7 +38,7 @@ pub(in crate::spectrum) fn taken_off(stiffness: &SparseMatrix, mass: &MassMatrix
         let (columns, start) = (stiffness.row(row).0, stiffness.offsets()[row]);
         let mut take = |column: u32, part: f64| {
             let at = columns.binary_search(&column).ok()?;
-            values[start + at] -= least * part;
+            values[start + at] -= offset * part;
             Some(())
         };
         let taken = match mass {
@@ -46,12 +53,12 @@ pub(in crate::spectrum) fn taken_off(stiffness: &SparseMatrix, mass: &MassMatrix
         left = left.max(rest / lumped[row]);
     }
     // All eigenvalues are one: what is left are the roundings of the assembly, whose order and gaps say nothing.
-    if left <= ROUNDINGS * least {
+    if left <= ROUNDINGS * offset.abs() {
         return None;
     }
     let (rows, columns) = (stiffness.rows(), stiffness.columns());
     let (offsets, indices) = (stiffness.offsets().to_vec(), stiffness.indices().to_vec());
-    Some((SparseMatrix::from_sorted_parts(rows, columns, offsets, indices, values), least))
+    Some((SparseMatrix::from_sorted_parts(rows, columns, offsets, indices, values), offset))
 }
 
 /// The sum of a row, and how far rounding may have moved it.

@@ -15,6 +15,8 @@ use super::kernel::Kernel;
 use super::krylov;
 use super::lanczos;
 use super::level::Level;
+use super::outliers;
+use super::scout::Scout;
 use super::segments::{Cuts, Sliced};
 use super::shifts::count_near;
 use super::slices;
@@ -91,11 +93,16 @@ impl Task<'_> {
         if !lanczos::pays(level.size(), nontrivial, tolerance) {
             return Ok(None);
         }
-        let found = lanczos::start(level, symbolic, kernel, wanted, monitor)?;
+        let found = if kernel.dimension() == 0 {
+            let mut scout = Scout::new(level, symbolic);
+            outliers::start((level, symbolic), kernel, &mut scout, wanted, monitor)?
+        } else {
+            lanczos::start(level, symbolic, kernel, wanted, monitor)?.map(|found| (found, Columns::Ritz))
+        };
         if found.is_none() {
             monitor.note(FALLBACKS, "a single Krylov space: it did not contain the pairs");
         }
-        Ok(found.map(|lanczos::Found { values, vectors, .. }| Begun { values, vectors, columns: Columns::Ritz }))
+        Ok(found.map(|(lanczos::Found { values, vectors, .. }, columns)| Begun { values, vectors, columns }))
     }
 
     /// As [`Task::solve`]; where that leads nowhere, from all pairs of a dense solve if the problem is small, else from random vectors. A start whose
@@ -123,6 +130,21 @@ impl Task<'_> {
         }
         monitor.stage("repair");
         let of = (&finest.level, &finest.symbolic);
+        // Deep wells of a potential keep levels from what lies above them. A pencil without a surface has begun that way.
+        if kernel.dimension() == 0 && !finest.level.positions.is_empty() {
+            let HsimParameters { tolerance, seed, .. } = *self.parameters;
+            let wanted = lanczos::Wanted::lowest(finest.level.size(), self.nontrivial, columns, tolerance, seed);
+            let mut scout = Scout::new(&finest.level, &finest.symbolic);
+            let found = outliers::start(of, kernel, &mut scout, wanted, monitor)?;
+            let solved = found.map(|(found, columns)| self.solve(found.vectors, found.values, None, columns));
+            match solved {
+                Some(Err(error)) if error.is_of_the_iteration() => {
+                    monitor.note(FALLBACKS, &format!("spaces of several shifts: {error}"));
+                }
+                Some(solved) => return solved,
+                None => {}
+            }
+        }
         let (values, vectors) = krylov::afresh(of, kernel, columns, self.parameters.seed.wrapping_add(1), monitor)?;
         self.solve(vectors, values, None, Columns::Rough)
     }

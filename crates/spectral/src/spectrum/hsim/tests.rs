@@ -12,7 +12,7 @@ use crate::operator::{
 };
 use crate::spectrum::hsim::{Eigenpairs, HsimError, HsimParameters, Variant, Wanted, solve};
 
-fn problem(mesh: &TriangleMesh, operator: OperatorKind, mass: MassKind, boundary: Boundary) -> EigenProblem {
+pub(super) fn problem(mesh: &TriangleMesh, operator: OperatorKind, mass: MassKind, boundary: Boundary) -> EigenProblem {
     assemble_operator(mesh, &OperatorParameters { operator, mass, boundary }, &Unwatched).unwrap().problem
 }
 
