@@ -98,6 +98,9 @@ const ROUNDING: f64 = 1e-10;
 /// Columns whose products with the mass are held at once.
 const BLOCK: usize = 64;
 
+/// A shift next to an interval is this share of the way to the next away from it.
+const NEXT_TO: f64 = 1e-3;
+
 /// Gaps of less than this share of the value hold no shift.
 const LEAST_GAP: f64 = 1e-9;
 
@@ -438,27 +441,48 @@ impl Subject<'_> {
         if verification.proven.is_some() {
             return Ok(());
         }
-        let gap = |k: usize| (highest(k), if k < values.len() { lowest(k) } else { f64::INFINITY });
-        let wide = |(from, to): (f64, f64)| to - from > LEAST_GAP * from.abs().max(to.abs().min(f64::MAX));
-        // Behind the last pair there may be others of its cluster, which nobody asked for.
+        // Just above the last pair, where nothing else is there; behind it there may be others of its cluster, which nobody asked for.
+        let end = highest(values.len());
+        let beyond = claimed.map_or(0.0, |claim| (claim.shift - end) * NEXT_TO).max(2.0 * LEAST_GAP * end.abs());
+        if beyond > 0.0 && end.is_finite() {
+            monitor.checkpoint()?;
+            let shift = end + beyond;
+            if let Ok(below) = self.below(shift, monitor)
+                && below == last
+            {
+                verification.counts.push(Recount { shift, below, claimed: None, values_below: last });
+                verification.proven = Some(values.len());
+                return Ok(());
+            }
+        }
+        let gap = |k: usize| (highest(k), lowest(k));
+        let wide = |(from, to): (f64, f64)| to - from > LEAST_GAP * from.abs().max(to.abs());
         let Some(k) = (1..values.len()).rev().find(|&k| wide(gap(k))) else {
             let reason = "the intervals of the pairs leave no gap to count in".to_owned();
             verification.findings.push(Finding::Unconfirmed { reason });
             return Ok(());
         };
-        monitor.checkpoint()?;
         let (from, to) = gap(k);
-        let shift = 0.5 * (from + to);
-        match self.below(shift, monitor) {
-            Ok(below) => {
-                verification.counts.push(Recount { shift, below, claimed: None, values_below: first + k });
-                if below == first + k {
+        let next_to = to - ((to - from) * NEXT_TO).max(0.5 * LEAST_GAP * from.abs().max(to.abs()));
+        // A count in the middle is the surest; one next to the cluster says that nothing is missing below it.
+        for shift in [0.5 * (from + to), next_to] {
+            monitor.checkpoint()?;
+            match self.below(shift, monitor) {
+                Ok(below) => {
+                    verification.counts.push(Recount { shift, below, claimed: None, values_below: first + k });
+                    if below != first + k {
+                        verification.proven = None;
+                        verification.findings.push(Finding::Missing { shift, found: below, values: first + k });
+                        break;
+                    }
                     verification.proven = Some(k);
-                } else {
-                    verification.findings.push(Finding::Missing { shift, found: below, values: first + k });
+                }
+                Err(error) => {
+                    verification.proven = None;
+                    verification.findings.push(Finding::Unconfirmed { reason: error.to_string() });
+                    break;
                 }
             }
-            Err(error) => verification.findings.push(Finding::Unconfirmed { reason: error.to_string() }),
         }
         Ok(())
     }

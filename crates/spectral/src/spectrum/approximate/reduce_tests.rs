@@ -55,6 +55,35 @@ fn wanted_values_do_not_drown_in_the_rounding_errors_of_the_largest() {
 }
 
 #[test]
+fn what_drowns_beside_values_far_below_zero_is_solved_for_the_other_way_too() {
+    let (stiffness, mass) = pencil();
+    // The values are -2000, -1999, …: the lowest lies much farther from zero than the last that is wanted.
+    let (shift, wanted) = (2000.0, 20);
+    let lowered = SparseMatrix::from_rows(
+        31,
+        31,
+        || (),
+        |(), row, entries| {
+            let (columns, values) = stiffness.row(row);
+            let masses: Vec<f64> = columns
+                .iter()
+                .map(|column| mass.row(row).0.binary_search(column).map_or(0.0, |at| mass.row(row).1[at]))
+                .collect();
+            entries.extend(columns.iter().zip(values).zip(masses).map(|((&c, s), m)| (c, s - shift * m)));
+        },
+    );
+    let rough = EigenPairs {
+        values: (0..wanted).map(|k| if k == 19 { -3.0 } else { k as f64 - shift }).collect(),
+        vectors: chladni_algebra::DenseMatrix::zeros(31, wanted),
+        computed_on: ComputedOn::default(),
+    };
+    let found = reversed(&CpuSolver, &lowered, &mass, &rough, &Unwatched).unwrap();
+    for (k, value) in found.values.iter().enumerate() {
+        assert!((value - (k as f64 - shift)).abs() < 1e-6, "{k}: {value}");
+    }
+}
+
+#[test]
 fn what_has_drowned_is_no_result_where_it_cannot_be_solved_for_either_way() {
     let diagonal =
         |values: [f64; 3]| SparseMatrix::from_sorted_parts(3, 3, vec![0, 1, 2, 3], vec![0, 1, 2], values.to_vec());
