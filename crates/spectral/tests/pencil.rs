@@ -65,7 +65,8 @@ fn pencil(stiffness: &SparseMatrix, mass: &Mass) -> Pencil {
 /// Solves, and compares values with exact ones to `error` of the largest, vectors with the matrices, and enclosures with both.
 fn proven(stiffness: &SparseMatrix, mass: &Mass, parameters: &Parameters, exact: &[f64], error: f64) -> Pairs {
     let pencil = pencil(stiffness, mass);
-    let pairs = solve(&pencil, parameters, &Unwatched).unwrap();
+    let pairs =
+        solve(&pencil, parameters, &Unwatched).unwrap_or_else(|error| panic!("{:?}: {error}", parameters.wanted));
     let Pairs { values, vectors, certificate, moved, .. } = &pairs;
     assert_eq!(values.len(), exact.len());
     assert_eq!(certificate.complete, Some(true));
@@ -230,6 +231,11 @@ fn as_many_values_far_below_all_others_as_are_wanted_among_them_are_no_obstacle(
             proven(&matrix(n, &entries), &Mass::Identity, &lowest(count), &exact[..count], 1e-11);
             if depth > 1e4 {
                 continue;
+            }
+            let bound = 0.5 * (exact[count - 1] + exact[count]);
+            if exact[count] - exact[count - 1] > 1e-6 {
+                let below = Parameters { wanted: Wanted::Below { bound, most: 200 }, ..Parameters::default() };
+                proven(&matrix(n, &entries), &Mass::Identity, &below, &exact[..count], 1e-11);
             }
             // The same beside a constant that leaves no value below zero.
             let positive: Vec<_> =

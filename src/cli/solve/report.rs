@@ -205,8 +205,9 @@ pub fn eigenvalue_table(eigenvalues: &[f64], residuals: &[f64], estimates: &[f64
     if eigenvalues.len() > LISTED_PAIRS {
         listed.push(eigenvalues.len() - 1);
     }
-    // What counts as zero has no relative error.
-    let kernel = 1e-6 * eigenvalues.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+    // What counts as zero has no relative error. Deep wells of a potential say nothing of what is zero above them.
+    let largest = eigenvalues.iter().fold(0.0, |most: f64, &value| most.max(value));
+    let kernel = 1e-6 * if largest > 0.0 { largest } else { eigenvalues.first().map_or(0.0, |value| value.abs()) };
     let percent = |values: &[f64], index: usize| match values.get(index) {
         None => "–".to_owned(),
         Some(_) if eigenvalues[index].abs() <= kernel => "kernel".to_owned(),

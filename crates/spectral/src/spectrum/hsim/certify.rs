@@ -7,7 +7,7 @@ use super::HsimError;
 use super::iterate::{Iteration, Plan};
 use super::judge::Count;
 use super::ritz::ritz;
-use super::shifts::factor_near;
+use super::shifts::{factor_near, unit};
 use super::tuning::TUNING;
 
 /// Which pairs have to be there, the kernel included.
@@ -202,9 +202,12 @@ const WIDTHS: [f64; 2] = [1e-6, 1e-4];
 pub(super) fn places(values: &[f64], least: usize, floor: f64, size: usize, spread: f64) -> Vec<(f64, usize)> {
     let last = values.len();
     let low = |at: usize| if at == 0 { floor } else { values[at - 1].max(floor) };
+    // Beside a large constant, as outliers need one, all gaps are nothing beside the values.
+    let top = values.last().copied().unwrap_or(floor);
+    let from = values[least.saturating_sub(BEFORE).min(last.saturating_sub(1))..].first().copied().unwrap_or(top);
     let relative = |at: usize| {
         let (low, high) = (low(at), values[at]);
-        if low == f64::NEG_INFINITY { f64::INFINITY } else { (high - low) / high.abs().max(low.abs()) }
+        if low == f64::NEG_INFINITY { f64::INFINITY } else { (high - low) / unit(high.abs().max(low.abs()), from, top) }
     };
     // Guards are less exact the higher they are.
     let reach = last.saturating_sub(least).div_ceil(2).max(1);
@@ -230,6 +233,9 @@ pub(super) fn places(values: &[f64], least: usize, floor: f64, size: usize, spre
     places.push((top + above, last));
     places
 }
+
+/// Where values lie next to the end of the columns is told by those from so many before the least place on.
+const BEFORE: usize = 4;
 
 /// Gaps that are tried.
 const GAPS: usize = 3;

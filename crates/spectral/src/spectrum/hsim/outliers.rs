@@ -49,8 +49,7 @@ pub(super) fn start(
         Some(window) => window,
         None => scout.window(columns, None, false, monitor)?,
     };
-    let whole = Part { low, high, from: 0, count: wanted.pairs };
-    let parts = scout.cut(whole, monitor)?;
+    let parts = scout.cut(Part { low, high, from: 0, count: columns }, monitor)?;
     let single = single.map(|found| (found, Columns::Ritz));
     if parts.len() < 2 {
         return Ok(single);
@@ -76,6 +75,9 @@ fn is_spread(values: &[f64], wanted: usize) -> bool {
     true
 }
 
+/// So many columns beyond the wanted pairs are enough to go on with.
+const GUARDS: usize = 8;
+
 /// Whether columns are so few that every promise of memory has room for as many again.
 fn is_small(vectors: &PanelMatrix) -> bool {
     vectors.rows() * vectors.columns() <= NUMBERS_FOR_CLUSTERS
@@ -92,11 +94,17 @@ fn of_parts(
 ) -> Result<Option<(Found, Columns)>, HsimError> {
     let mut all = Found { values: Vec::new(), vectors: PanelMatrix::zeros(level.size(), 0), left: 0 };
     for part in parts {
-        let is_last = part.from + part.count == wanted.pairs;
+        // Beyond the wanted pairs, a count needs to know what comes next.
+        let is_guard = part.from >= wanted.pairs;
+        if is_guard && all.values.len() >= wanted.pairs + GUARDS {
+            break;
+        }
+        let pairs = wanted.pairs.saturating_sub(part.from).clamp(1, part.count);
+        let is_last = part.from + part.count >= wanted.columns;
         let columns = if is_last { wanted.columns - part.from } else { part.count };
         // Few pairs may be next to thousands of others.
-        let most = most(level.size(), part.count).max(for_clusters(level.size()));
-        let of = Wanted { from: part.from, pairs: part.count, columns, most, leave: Leave::WhenFull, ..wanted };
+        let most = most(level.size(), pairs).max(for_clusters(level.size()));
+        let of = Wanted { from: part.from, pairs, columns, most, leave: Leave::WhenFull, ..wanted };
         let mut found = None;
         // Where the middle is a cluster, its vectors are all that a space holds; from below, all clusters are alike.
         for is_in_the_middle in [true, false] {
@@ -111,7 +119,12 @@ fn of_parts(
                 break;
             }
         }
-        let Some(found) = found else { return Ok(None) };
+        let Some(found) = found else {
+            if is_guard {
+                break;
+            }
+            return Ok(None);
+        };
         all.vectors.insert(all.values.len(), &found.vectors);
         all.values.extend(found.values);
         all.left += found.left;

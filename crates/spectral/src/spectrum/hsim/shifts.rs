@@ -69,7 +69,8 @@ pub(super) fn shift(values: &[f64], top: f64) -> f64 {
 
 /// What differences of values from `least` on are measured by in a block that ends at `top`: themselves, or how far they are from there, if they lie next to it.
 pub(super) fn unit(value: f64, least: f64, top: f64) -> f64 {
-    if top - least < NEXT_TO * value.abs() { top - least } else { value.abs() }
+    let (reach, size) = (top - least, value.abs());
+    if reach > ONE * size && reach < NEXT_TO * size { reach } else { size }
 }
 
 /// Ascending values without those at the ends that lie so far out that the middle between the ends is not among the middle half of the values.
@@ -121,6 +122,9 @@ const CLUSTER: f64 = 1e-3;
 
 /// Values are next to the end of the block that lie at so small a share of themselves from it.
 const NEXT_TO: f64 = 0.02;
+
+/// What is closer together than this share is one value, whatever lies around it.
+const ONE: f64 = 1e-9;
 
 /// How far below a cluster its shift lies, relative to it.
 const BESIDE: f64 = 3e-3;
