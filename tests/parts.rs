@@ -320,7 +320,8 @@ async fn between(server: &Server, mesh: &str) -> (u64, u64) {
     let whole = server.estimate(mesh, approximated(0, Value::Null, 0.1)).await;
     let parts = server.estimate(mesh, approximated(0, json!(3), 0.1)).await;
     assert!(parts + (32 << 20) < whole, "{parts} of {whole}");
-    assert_eq!(server.estimate(mesh, approximated(0, json!("auto"), 0.1)).await, whole);
+    // Whether it is divided is not known yet.
+    assert!(server.estimate(mesh, approximated(0, json!("auto"), 0.1)).await >= whole);
     (parts.midpoint(whole), whole)
 }
 
@@ -328,7 +329,7 @@ async fn between(server: &Server, mesh: &str) -> (u64, u64) {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_job_in_parts_is_done_where_there_is_no_room_for_it_in_one_piece() {
     let folder = tempfile::tempdir().unwrap();
-    let large = Server::start(folder.path(), &["--workers", "0"]);
+    let large = Server::start(folder.path(), &["--workers", "1"]);
     let mesh = large.upload_off(process::torus_of(400, 200)).await;
     let (memory, whole) = between(&large, &mesh).await;
     large.stop();
@@ -392,7 +393,7 @@ async fn small_workers_do_together_what_none_has_room_for() {
     }
     // One whose parts miss the goal waits for nobody while there is nobody, and goes to whoever has room for one piece when there is.
     let missed = server.submit_with(&mesh, approximated(3, json!(4), 5e-4)).await.unwrap();
-    assert_eq!(server.finished(&missed).await["problem"]["kind"], "job-too-large");
+    assert_eq!(server.finished(&missed).await["problem"]["type"], "/problems/job/job-too-large");
     let large = places.worker(&[]);
     while server.get("/readyz").await["workers"].as_array().unwrap().len() < 2 {
         assert!(begun.elapsed() < PATIENCE);

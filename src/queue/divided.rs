@@ -85,7 +85,7 @@ pub(super) async fn enlarged(shared: &Shared, job: &JobRecord, bytes: u64, detai
     if !asks(job) || bytes <= job.memory_bytes {
         return Ending::Failed(JobProblem { kind: MEMORY_EXCEEDED.to_owned(), detail }, false);
     }
-    match refused_everywhere(shared, bytes, "it is not solved in parts, and").await {
+    match refused_everywhere(shared, bytes, "the job has to be done in one piece, which").await {
         Some(problem) => Ending::Failed(problem, false),
         None => Ending::Enlarged(bytes),
     }
