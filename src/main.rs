@@ -12,7 +12,7 @@ fn main() -> std::process::ExitCode {
 }
 
 /// By itself the allocator keeps what was let go of for a second and more, and many gigabytes pass by in one: without this the join of four parts of 8.6
-/// million vertices takes 3.55 GB, and MEASURED with it (docs/decisions/0132).
+/// million vertices takes 3.56 GB, and 2.75 with it (docs/decisions/0132).
 fn trim() {
     mi_collect(true);
 }
