@@ -129,9 +129,9 @@ impl EigenbasisParameters {
         self.memory_bytes(size.vertices, size.faces) + self.joined_bytes(size.vertices)
     }
 
-    /// What a job takes that others solve the parts of: it makes the plan, and joins them. No less than one of its parts, the smallest that there may be
-    /// where their number is left open: where nobody has room for a part, nothing comes of the whole. `None` where the job is not divided by the surface; whether the mesh is one that lets
-    /// this be enough is for the plan to see.
+    /// What a job takes that others solve the parts of: it makes the plan, and joins them. No less than one of its parts, the smallest that there may
+    /// be where their number is left open: where nobody has room for a part, nothing comes of the whole. `None` where the job is not divided by the
+    /// surface; whether the mesh is one that lets this be enough is for the plan to see.
     pub(super) fn bytes_in_parts(&self, size: MeshSize) -> Option<u64> {
         let (Method::Approximate(approximate), Some(parts)) = (&self.method, self.parts) else { return None };
         let own = approximate.plan_bytes(size).max(approximate.join_bytes(size));
