@@ -32,6 +32,8 @@ use serde_json::{Value, json};
 use storm::{Dice, rounds, seed};
 
 const PARTS: usize = 3;
+/// After so long it is said what is waited for.
+const LONG: Duration = Duration::from_secs(5);
 /// So many jobs wait or run while there are rounds to come.
 const JOBS_AT_ONCE: usize = 3;
 
@@ -140,12 +142,42 @@ impl Watch {
         seen
     }
 
+    /// Says what jobs, and parts of them, wait for that are not done yet.
+    async fn tell_what_is_waited_for(&self, since: Duration) {
+        println!("{:.1} s after the last round:", since.as_secs_f64());
+        let jobs: Vec<String> = self.jobs.lock().unwrap().values().cloned().collect();
+        for job in jobs.into_iter().filter(|job| !self.done.lock().unwrap().contains(job)) {
+            let records = [format!("/v1/jobs/{job}"), format!("/v1/jobs?parent={job}")];
+            let mut all = Vec::new();
+            for path in &records {
+                all.extend(self.get(path).await);
+            }
+            let parts: Vec<Value> =
+                all.get(1).and_then(|list| list["items"].as_array()).into_iter().flatten().cloned().collect();
+            for record in all.iter().take(1).chain(&parts) {
+                let of = |names: &[&str]| -> Vec<String> {
+                    names.iter().map(|name| format!("{name} {}", record[name])).collect()
+                };
+                println!(
+                    "  {}",
+                    of(&["id", "kind", "status", "attempt", "stage", "progress", "parts", "problem", "started_ms"])
+                        .join(", ")
+                );
+            }
+        }
+    }
+
     /// Waits until all is done, and gives what each seed came to; and how often a part was seen done while its job was not.
     async fn end(self: Arc<Self>, looking: tokio::task::JoinHandle<usize>) -> HashMap<usize, Value> {
         let begun = Instant::now();
+        let mut told = Instant::now();
         while self.unfinished() > 0 {
             assert!(!looking.is_finished(), "what was seen is wrong");
             assert!(begun.elapsed() < PATIENCE, "{} jobs are not done", self.unfinished());
+            if told.elapsed() > LONG {
+                told = Instant::now();
+                self.tell_what_is_waited_for(begun.elapsed()).await;
+            }
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
         self.stop.store(true, Ordering::Relaxed);

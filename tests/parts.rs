@@ -68,8 +68,13 @@ impl Server {
 
     /// Waits until no job has parts any more.
     async fn until_no_parts(&self) {
+        self.until_no_parts_but(0).await;
+    }
+
+    /// The same but for so many, of a job that failed.
+    async fn until_no_parts_but(&self, kept: usize) {
         let begun = Instant::now();
-        while !self.parts_listed().await.is_empty() {
+        while self.parts_listed().await.len() > kept {
             assert!(begun.elapsed() < PATIENCE, "{:?}", self.parts_listed().await);
             tokio::time::sleep(std::time::Duration::from_millis(20)).await;
         }
@@ -284,5 +289,117 @@ async fn workers_share_the_parts_of_a_job_and_one_that_is_killed_loses_its_own_a
     check(&done, &server.basis_of(&done).await, 3, &known);
     server.until_no_parts().await;
     assert_eq!(places.check().await, 2);
+    server.stop();
+}
+
+/// An approximation of a surface of 80,000 vertices, in parts or whole.
+fn approximated(seed: u64, parts: Value, goal: f64) -> Value {
+    json!({"method": "approximate", "count": 30, "dimension": 90, "accuracy": {"goal": goal}, "seed": seed, "parts": parts})
+}
+
+impl Server {
+    /// What a job needs, as the server estimates it.
+    async fn estimate(&self, mesh: &str, parameters: Value) -> u64 {
+        let request = json!({"kind": "eigenbasis", "mesh": mesh, "parameters": parameters});
+        let answer = self.client.post(format!("{}/v1/job-estimates", self.url)).json(&request).send().await.unwrap();
+        assert!(answer.status().is_success(), "{}", answer.text().await.unwrap());
+        answer.json::<Value>().await.unwrap()["memory_bytes"].as_u64().unwrap()
+    }
+
+    /// Why a job is refused.
+    async fn refused(&self, mesh: &str, parameters: Value) -> Value {
+        let request = json!({"kind": "eigenbasis", "mesh": mesh, "parameters": parameters});
+        let answer = self.client.post(format!("{}/v1/jobs", self.url)).json(&request).send().await.unwrap();
+        assert!(answer.status().is_client_error(), "{}", answer.status());
+        answer.json().await.unwrap()
+    }
+}
+
+/// Memory between what a whole approximation needs and what one in parts does; and what the whole does.
+async fn between(server: &Server, mesh: &str) -> (u64, u64) {
+    let whole = server.estimate(mesh, approximated(0, Value::Null, 0.1)).await;
+    let parts = server.estimate(mesh, approximated(0, json!(3), 0.1)).await;
+    assert!(parts + (32 << 20) < whole, "{parts} of {whole}");
+    // Whether it is divided is not known yet.
+    assert!(server.estimate(mesh, approximated(0, json!("auto"), 0.1)).await >= whole);
+    (parts.midpoint(whole), whole)
+}
+
+/// Its plan, its parts and its join are all that anybody needs room for.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_job_in_parts_is_done_where_there_is_no_room_for_it_in_one_piece() {
+    let folder = tempfile::tempdir().unwrap();
+    let large = Server::start(folder.path(), &["--workers", "1"]);
+    let mesh = large.upload_off(process::torus_of(400, 200)).await;
+    let (memory, whole) = between(&large, &mesh).await;
+    large.stop();
+    let bytes = memory.to_string();
+    let server = Server::start(folder.path(), &["--workers", "1", "--memory-bytes", &bytes]);
+    let refused = server.refused(&mesh, approximated(1, Value::Null, 0.1)).await;
+    assert!(refused["detail"].as_str().unwrap().contains(&bytes), "{refused}");
+    // Who leaves it to the server is divided too, though there is a single worker.
+    for (seed, parts) in [(1, json!(3)), (2, json!("auto"))] {
+        let job = server.submit_with(&mesh, approximated(seed, parts, 0.1)).await.unwrap();
+        let done = server.finished(&job).await;
+        assert_eq!((&done["status"], &done["attempt"]), (&"succeeded".into(), &1.into()), "{done}");
+        assert!(done["parts"]["of"].as_u64() > Some(1) && done["memory_bytes"].as_u64() <= Some(memory), "{done}");
+        let basis = server.basis_of(&done).await;
+        assert!(basis["details"]["fallbacks"].is_null(), "{}", basis["details"]);
+    }
+    // What its parts miss is not made in one piece here, and somewhere else it is.
+    let missed = server.submit_with(&mesh, approximated(3, json!(3), 5e-4)).await.unwrap();
+    let failed = server.finished(&missed).await;
+    assert_eq!(failed["status"], "failed", "{failed}");
+    assert_eq!(failed["problem"]["type"], "/problems/job/job-too-large", "{failed}");
+    assert!(failed["problem"]["detail"].as_str().unwrap().contains(&bytes), "{failed}");
+    server.until_no_parts_but(3).await;
+    server.stop();
+    let large = Server::start(folder.path(), &["--workers", "1"]);
+    large.ask(&format!("/v1/jobs/{missed}/retry")).await;
+    let done = large.finished(&missed).await;
+    assert_eq!(done["status"], "succeeded", "{done}");
+    assert!(done["memory_bytes"].as_u64() >= Some(whole), "{done}");
+    let basis = large.basis_of(&done).await;
+    assert!(basis["details"]["fallbacks"].to_string().contains("parts"), "{}", basis["details"]);
+    large.stop();
+}
+
+/// Four workers, none of which has room for the whole.
+#[cfg(feature = "cluster")]
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn small_workers_do_together_what_none_has_room_for() {
+    let Some(places) = places::Places::over_s3() else { return };
+    let server = places.server();
+    let mesh = server.upload_off(process::torus_of(400, 200)).await;
+    let (memory, whole) = between(&server, &mesh).await;
+    let bytes = memory.to_string();
+    let workers: Vec<places::Worker> = (0..4).map(|_| places.worker(&["--memory-bytes", &bytes])).collect();
+    let begun = Instant::now();
+    while server.get("/readyz").await["workers"][0]["processes"] != 4 {
+        assert!(begun.elapsed() < PATIENCE);
+        tokio::time::sleep(std::time::Duration::from_millis(20)).await;
+    }
+    let refused = server.refused(&mesh, approximated(1, Value::Null, 0.1)).await;
+    assert!(refused["detail"].as_str().unwrap().contains(&bytes), "{refused}");
+    for (seed, parts) in [(1, json!(4)), (2, json!("auto"))] {
+        let job = server.submit_with(&mesh, approximated(seed, parts, 0.1)).await.unwrap();
+        let done = server.finished(&job).await;
+        assert_eq!(done["status"], "succeeded", "{done}");
+        assert!(done["parts"]["of"].as_u64() > Some(1), "{done}");
+        assert!(done["memory_bytes"].as_u64() <= Some(memory), "{done}");
+    }
+    // One whose parts miss the goal waits for nobody while there is nobody, and goes to whoever has room for one piece when there is.
+    let missed = server.submit_with(&mesh, approximated(3, json!(4), 5e-4)).await.unwrap();
+    assert_eq!(server.finished(&missed).await["problem"]["type"], "/problems/job/job-too-large");
+    let large = places.worker(&[]);
+    while server.get("/readyz").await["workers"].as_array().unwrap().len() < 2 {
+        assert!(begun.elapsed() < PATIENCE);
+        tokio::time::sleep(std::time::Duration::from_millis(20)).await;
+    }
+    server.ask(&format!("/v1/jobs/{missed}/retry")).await;
+    let done = server.finished(&missed).await;
+    assert_eq!(done["status"], "succeeded", "{done}");
+    assert!(done["memory_bytes"].as_u64() >= Some(whole), "{done}");
+    drop((workers, large));
     server.stop();
 }

@@ -6,6 +6,7 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use chladni_base::trim;
 use chladni_spectral::basis::{Part, PartPlan};
 use chladni_spectral::formats::{FormatError, npz};
 use chladni_spectral::spectrum::hsim::parts::PartError;
@@ -124,5 +125,8 @@ fn read(files: &BTreeMap<usize, PathBuf>, number: usize, parts: NonZeroUsize) ->
     let damaged = |reason: String| PartError::Damaged { number: number + 1, reason };
     let bytes = std::fs::read(path).map_err(|error| damaged(format!("cannot read {}: {error}", path.display())))?;
     let (part, _) = npz::read_part(&bytes).map_err(|error| damaged(format!("{}: {error}", path.display())))?;
+    // The file is as large as the part, and that of the last would lie beside the whole.
+    drop(bytes);
+    trim();
     Ok(part)
 }

@@ -34,7 +34,7 @@ struct JobEstimate {
     /// The threads that work on it.
     threads: usize,
     /// About how much memory it needs, in bytes: an upper estimate for surfaces, and for problems, whose factor was counted. Pairs by a bound count
-    /// as `at_most`.
+    /// as `at_most`. Of an approximation in parts, what it takes to plan and join them, or what one of them takes.
     memory_bytes: u64,
     /// What this server allows for one job, in bytes.
     memory_limit_bytes: u64,

@@ -232,10 +232,12 @@ pub(super) async fn plan(
     let parameters = parameters_of(state, request)?;
     request.parameters = Packed::Null;
     parameters.check_mesh(size)?;
-    let estimate = parameters.memory_bytes(size);
+    let whole = parameters.memory_bytes(size);
+    let limit = most_bytes(state, &request.kind, whole).await?;
     Ok(Planned {
-        estimate,
-        limit: most_bytes(state, &request.kind, estimate).await?,
+        // What leaves it to the server whether it is divided has to be where there is no room for one piece.
+        estimate: if whole > limit { parameters.memory_bytes_in_parts(size) } else { whole },
+        limit,
         seconds: parameters.seconds(size),
         source: mesh.id,
         bases: Vec::new(),

@@ -271,7 +271,8 @@ pub struct JobResource {
     pub attempt: u32,
     /// How often it is tried at most.
     pub max_attempts: u32,
-    /// An estimate of the memory it needs: jobs that together need more than the server has do not run at once.
+    /// An estimate of the memory it needs: jobs that together need more than the server has do not run at once. It grows where a job in parts turns out
+    /// to be done in one piece.
     pub memory_bytes: u64,
     /// Of a job that is divided, how many of its parts are done, of all; null where it is not. It waits for them as `enqueued`, in the stage `parts`.
     #[schema(inline)]

@@ -234,6 +234,9 @@ impl UnderWay<'_> {
             Ok(Ok(Err(JobFailure::Failed { kind, detail, retryable }))) => {
                 Ending::Failed(JobProblem { kind, detail }, retryable)
             }
+            Ok(Ok(Err(JobFailure::NeedsMore { bytes, detail }))) => {
+                divided::enlarged(shared, self.job, bytes, detail).await
+            }
             Ok(Ok(Err(JobFailure::Died { how }))) => {
                 shared.observer.died(kind);
                 Ending::Died(how)
@@ -249,7 +252,7 @@ impl UnderWay<'_> {
     /// Gives the job back with the parts that it waits for from now on.
     async fn divide(&self, division: Division) {
         let Self { shared, job, token, .. } = *self;
-        let new = match divided::part_jobs(job, self.size, division) {
+        let new = match divided::part_jobs(shared, job, self.size, division).await {
             Ok(new) => new,
             Err(problem) => return settle(shared, &job.kind, Ending::Failed(problem, false), token).await,
         };
@@ -344,11 +347,13 @@ async fn store_result(shared: &Shared, kind: &str, token: Uuid, monitor: &Attemp
 
 /// How an attempt without a result ends.
 #[derive(Debug)]
-enum Ending {
+pub(super) enum Ending {
     Failed(JobProblem, bool),
     Died(String),
     Canceled,
     Released,
+    /// Given back, to whoever has so many bytes of memory for it.
+    Enlarged(u64),
 }
 
 /// Writes down how an attempt ended; where the storage refuses for longer than a lease, the reaper will see to it.
@@ -359,6 +364,7 @@ async fn settle(shared: &Shared, kind: &str, ending: Ending, token: Uuid) {
             tracing::warn!(problem = problem.kind, detail = problem.detail, "attempt failed")
         }
         Ending::Died(how) => tracing::error!(how, "the process of the job ended"),
+        Ending::Enlarged(bytes) => tracing::info!(bytes, "the job needs more memory than it was promised"),
         Ending::Canceled | Ending::Released => {}
     }
     loop {
@@ -370,13 +376,12 @@ async fn settle(shared: &Shared, kind: &str, ending: Ending, token: Uuid) {
                 .finish_canceled(token)
                 .await
                 .map(|held| if held { FailAnswer::Finished(JobStatus::Canceled) } else { FailAnswer::Lost }),
-            Ending::Released => {
-                shared.store.release(token).await.map(|held| if held { FailAnswer::Retried } else { FailAnswer::Lost })
-            }
+            Ending::Released => shared.store.release(token).await.map(given_back),
+            Ending::Enlarged(bytes) => shared.store.release_larger(token, *bytes).await.map(given_back),
         };
         match written {
             // A job that was given back unharmed is not tried again but for the first time.
-            Ok(FailAnswer::Retried) if matches!(ending, Ending::Released) => return,
+            Ok(FailAnswer::Retried) if matches!(ending, Ending::Released | Ending::Enlarged(_)) => return,
             Ok(FailAnswer::Retried) => return shared.observer.retried(kind),
             Ok(FailAnswer::Finished(status)) => return shared.observer.finished(kind, status),
             Ok(FailAnswer::Lost) => return shared.observer.lease_lost(kind),
@@ -391,6 +396,10 @@ async fn settle(shared: &Shared, kind: &str, ending: Ending, token: Uuid) {
             }
         }
     }
+}
+
+fn given_back(held: bool) -> FailAnswer {
+    if held { FailAnswer::Retried } else { FailAnswer::Lost }
 }
 
 fn problem(kind: &str, error: &StoreError) -> JobProblem {

@@ -4,7 +4,7 @@ use chladni_spectral::basis::{EIGENBASIS_PART, ProductKind};
 use chladni_work::packed::Packed;
 use chladni_work::{Division, JobParameters, MeshSize, abbreviated};
 
-use super::{WorkerOptions, pool::Shared};
+use super::{MEMORY_EXCEEDED, WorkerOptions, attempt::Ending, pool::Shared};
 use crate::store::{JobProblem, JobRecord, NewPart, Store, StoreError, Subject};
 
 /// What is next for a job.
@@ -79,8 +79,42 @@ async fn workers(store: &Store, options: &WorkerOptions) -> Result<u64, StoreErr
     Ok(seats.max(if takes(&options.kinds) { options.workers as u64 } else { 0 }))
 }
 
+/// What becomes of a job that turned out to need more memory than it was promised. One that was to be divided was promised what it takes to plan and
+/// join, and goes to whoever has room for one piece; another gets no more than it asked for.
+pub(super) async fn enlarged(shared: &Shared, job: &JobRecord, bytes: u64, detail: String) -> Ending {
+    if !asks(job) || bytes <= job.memory_bytes {
+        return Ending::Failed(JobProblem { kind: MEMORY_EXCEEDED.to_owned(), detail }, false);
+    }
+    match refused_everywhere(shared, bytes, "the job has to be done in one piece, which").await {
+        Some(problem) => Ending::Failed(problem, false),
+        None => Ending::Enlarged(bytes),
+    }
+}
+
+/// Why nobody who is known takes a job that needs so much.
+async fn refused_everywhere(shared: &Shared, bytes: u64, what: &str) -> Option<JobProblem> {
+    let mut most = shared.budget.total();
+    for kind in [ProductKind::Eigenbasis.name(), EIGENBASIS_PART] {
+        if most >= bytes {
+            return None;
+        }
+        match shared.store.most_memory_for(kind, bytes).await {
+            Ok(known) => most = most.max(known.unwrap_or(0)),
+            // Who there is is not known now; whoever comes will see.
+            Err(_) => return None,
+        }
+    }
+    let detail = format!("{what} needs about {bytes} bytes of memory; jobs may use {most}");
+    (most < bytes).then(|| JobProblem { kind: "job-too-large".to_owned(), detail })
+}
+
 /// The jobs that solve the parts of one.
-pub(super) fn part_jobs(job: &JobRecord, size: MeshSize, division: Division) -> Result<Vec<NewPart>, JobProblem> {
+pub(super) async fn part_jobs(
+    shared: &Shared,
+    job: &JobRecord,
+    size: MeshSize,
+    division: Division,
+) -> Result<Vec<NewPart>, JobProblem> {
     let Division { parts, memory_bytes } = division;
     let unread = |error: chladni_work::ParameterError| JobProblem {
         kind: "invalid-parameters".to_owned(),
@@ -89,6 +123,10 @@ pub(super) fn part_jobs(job: &JobRecord, size: MeshSize, division: Division) -> 
     let parameters = JobParameters::read(&job.kind, &Packed::from(&job.parameters)).map_err(unread)?;
     // Whoever made the plan has seen the mesh; what it says is not trusted beyond what any mesh takes.
     let memory_bytes = memory_bytes.min(parameters.part_memory_bytes(size, parts));
+    // They would wait for ever.
+    if let Some(problem) = refused_everywhere(shared, memory_bytes, &format!("each of {parts} parts")).await {
+        return Err(problem);
+    }
     let new = |part: chladni_work::PartJob| {
         let canonical = part.canonical();
         let brief = abbreviated(&canonical);

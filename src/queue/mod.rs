@@ -22,3 +22,5 @@ pub use crate::store::fault;
 pub use pool::{WorkerOptions, WorkerPool};
 pub use runner::{JobFailure, Outcome, QueueObserver, Runner, Unobserved, Watch};
 pub use solver::Solver;
+
+use runner::MEMORY_EXCEEDED;

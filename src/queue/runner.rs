@@ -128,6 +128,9 @@ pub enum Outcome {
     Parts(Division),
 }
 
+/// The kind of problem of a job that needs more memory than it was promised.
+pub(super) const MEMORY_EXCEEDED: &str = "memory-exceeded";
+
 /// Why an attempt made nothing.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum JobFailure {
@@ -143,6 +146,14 @@ pub enum JobFailure {
         detail: String,
         /// Whether another attempt may help.
         retryable: bool,
+    },
+    /// It needs more memory than it was promised, as was found before any was taken.
+    #[error("memory-exceeded: {detail}")]
+    NeedsMore {
+        /// About how many bytes.
+        bytes: u64,
+        /// A sentence about it.
+        detail: String,
     },
     /// The process that did the work ended by itself.
     #[error("the process of the job ended: {how}")]

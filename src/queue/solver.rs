@@ -3,7 +3,7 @@
 use std::num::NonZeroUsize;
 use std::sync::Arc;
 
-use chladni_base::Monitor;
+use chladni_base::{Monitor, trim};
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::analysis::map_collection::Shape;
 use chladni_spectral::basis::{PARTS, StoredPart};
@@ -92,6 +92,9 @@ impl Runner for Solver {
             let damaged = |error: FormatError| PartError::Damaged { number: number + 1, reason: error.to_string() };
             let (part, told) = npz::read_part(&bytes).map_err(damaged)?;
             about.push(told);
+            // As it was stored, the last part would lie beside the whole.
+            drop(bytes);
+            trim();
             Ok(part)
         };
         let of = (count, job.solver_version.as_str());
@@ -204,6 +207,7 @@ fn solve(
 fn failure(error: JobError) -> JobFailure {
     match error {
         JobError::Cancelled(cancelled) => JobFailure::Cancelled(cancelled),
+        JobError::Memory { needed, .. } => JobFailure::NeedsMore { bytes: needed, detail: error.to_string() },
         other => JobFailure::Failed {
             kind: other.kind().to_owned(),
             detail: other.to_string(),

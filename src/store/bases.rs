@@ -9,7 +9,7 @@ use chladni_spectral::basis::modal::ModalBasis;
 use chladni_spectral::basis::{
     Basis, EIGENBASIS_PART, Product, ProductKind, StoredFields, StoredMaps, StoredPart, Summary,
 };
-use chladni_spectral::formats::FormatError;
+use chladni_spectral::formats::{FormatError, npz};
 use uuid::Uuid;
 
 use super::{
@@ -20,9 +20,13 @@ use super::{
     from_json, job_bases,
     jobs::{self, job_from_row, uuid_column},
     page::Listing,
+    piece_writer::PieceWriter,
     sql::{self, Query, Row},
     to_json,
 };
+
+/// A compact basis of so many bytes is written as it is encoded. A smaller one is encoded first: then it is known whether it is there already.
+const STREAMED_FROM: u64 = 256 << 20;
 
 impl Store {
     /// A basis by its identifier. What a part of another job made is none.
@@ -257,6 +261,17 @@ impl Store {
             }
             Err(other) => other,
         };
+        if let Product::Eigenbasis(basis) = &product
+            && basis.stored_bytes() >= STREAMED_FROM
+        {
+            let basis = Arc::clone(basis);
+            let make =
+                move |out: &mut PieceWriter| npz::write_stream(&basis, numbering.as_deref(), out).map_err(unwritten);
+            // A little more than the columns, for all that a basis has beside them.
+            let expected = product.stored_bytes() + product.stored_bytes() / 8;
+            let Some(((), hash, bytes)) = self.put_made(expected, token, make).await? else { return Ok(None) };
+            return Ok(Some(WrittenBasis { product, summary, storage: BasisStorage::Compact, hash, bytes }));
+        }
         let shared = product.clone();
         let content = match shared {
             // It is encoded already.
@@ -392,10 +407,12 @@ impl AsRef<[u8]> for PartContent {
 fn encode(product: &Product, numbering: Option<&Numbering>) -> Result<Bytes, StoreError> {
     let maps = numbering.map_or(0, |numbering| 4 * (numbering.file_vertices() + numbering.kept_faces()));
     let mut out = Cursor::new(Vec::with_capacity(product.stored_bytes() as usize + maps + (1 << 16)));
-    product
-        .write_npz_numbered(numbering, &mut out)
-        .map_err(|error| StoreError::Unavailable { detail: format!("the basis: {error}") })?;
+    product.write_npz_numbered(numbering, &mut out).map_err(unwritten)?;
     Ok(out.into_inner().into())
+}
+
+fn unwritten(error: FormatError) -> StoreError {
+    StoreError::Unavailable { detail: format!("the basis: {error}") }
 }
 
 fn damaged(error: FormatError) -> StoreError {

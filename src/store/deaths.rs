@@ -147,12 +147,17 @@ impl Store {
             Some(signal) => format!("the server crashed by signal {signal}"),
             None => "the server was killed, or lost power,".to_owned(),
         };
-        let detail = format!("{how} while the job ran{stage}; that is no attempt of the job");
-        let problem = JobProblem { kind: "worker-lost".to_owned(), detail };
         // One that may have been the cause leaves the server some time to do other things.
         let suspicious = deaths > 0 || interruptions >= SUSPICIOUS_INTERRUPTIONS;
         let doublings = deaths.max(interruptions - SUSPICIOUS_INTERRUPTIONS).clamp(0, 16) as u32;
         let pause = (self.inner.options.retry_pause * (1 << doublings)).min(StoreOptions::LONGEST_PAUSE);
+        let mut detail = format!("{how} while the job ran{stage}; that is no attempt of the job");
+        if suspicious {
+            let (times, seconds) = (deaths.max(interruptions), pause.as_secs_f64().ceil());
+            detail +=
+                &format!(". It may be the cause ({times} by now): it is tried again after {seconds} s, and alone");
+        }
+        let problem = JobProblem { kind: "worker-lost".to_owned(), detail };
         let not_before_ms = if suspicious { expiry(now_ms, pause) } else { now_ms };
         requeue(on, job, job.attempt.saturating_sub(1), Some(&problem), now_ms, not_before_ms).await
     }

@@ -285,6 +285,25 @@ pub(super) async fn attempts_are_bounded_and_pauses_grow() {
 }
 
 #[tokio::test]
+pub(super) async fn a_worker_that_is_lost_makes_no_longer_pause_the_more_often_that_happens() {
+    let folder = tempfile::tempdir().unwrap();
+    let hands = Arc::new(AtomicI64::new(1_000_000));
+    let store =
+        Store::open(StoreOptions { clock: Clock::manual(Arc::clone(&hands)), ..options(&folder) }).await.unwrap();
+    let id = store.add_mesh(mesh(1, 9)).await.unwrap().record.id;
+    let job = store.enqueue(NewJob { max_attempts: 30, ..new_job(&id, "w") }).await.unwrap().record.id;
+    for attempt in 1..12 {
+        let claim = store.claim("w", &[], LEASE).await.unwrap().unwrap();
+        assert_eq!(claim.job.attempt, attempt);
+        hands.fetch_add(31_000, Ordering::Relaxed);
+        assert_eq!(store.reap().await.unwrap().len(), 1);
+        let waiting = store.job(job).await.unwrap();
+        assert_eq!(waiting.not_before_ms - waiting.enqueued_ms, 1000, "attempt {attempt}");
+        hands.fetch_add(1000, Ordering::Relaxed);
+    }
+}
+
+#[tokio::test]
 pub(super) async fn a_clock_that_goes_back_holds_no_job() {
     let folder = tempfile::tempdir().unwrap();
     let hands = Arc::new(AtomicI64::new(1_000_000_000));

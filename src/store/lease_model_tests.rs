@@ -82,14 +82,15 @@ impl Expected {
         (self.status, self.lease, self.not_before_ms) = (JobStatus::Enqueued, None, not_before_ms);
     }
 
-    /// An attempt came to nothing.
-    fn lose(&mut self, retryable: bool, now_ms: i64) {
+    /// An attempt came to nothing; another may be made after so many doublings of the first pause.
+    fn lose(&mut self, doublings: Option<u32>, now_ms: i64) {
         if self.asked_to_stop {
             self.end(JobStatus::Canceled);
-        } else if retryable && self.attempt < self.max_attempts {
-            self.wait(now_ms + (PAUSES_MS[0] << (self.attempt - 1)).min(PAUSES_MS[1]));
-        } else {
-            self.end(JobStatus::Failed);
+            return;
+        }
+        match doublings.filter(|_| self.attempt < self.max_attempts) {
+            Some(doublings) => self.wait(now_ms + (PAUSES_MS[0] << doublings).min(PAUSES_MS[1])),
+            None => self.end(JobStatus::Failed),
         }
     }
 
@@ -249,7 +250,8 @@ impl Trial {
                 let answer = store.fail(token, &problem(), retryable).await.unwrap();
                 let expected = match model.held(lease) {
                     Some(job) => {
-                        job.lose(retryable, now_ms);
+                        let doublings = retryable.then_some(job.attempt - 1);
+                        job.lose(doublings, now_ms);
                         match job.status {
                             JobStatus::Enqueued => FailAnswer::Retried,
                             status => FailAnswer::Finished(status),
@@ -329,7 +331,7 @@ impl Trial {
                 let mut expected = HashSet::new();
                 for job in model.jobs.iter_mut().filter(lost) {
                     expected.insert(job.id);
-                    job.lose(true, now_ms);
+                    job.lose(Some(0), now_ms);
                 }
                 prop_assert_eq!(reaped, expected);
             }

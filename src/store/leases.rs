@@ -284,7 +284,11 @@ impl Store {
                 transaction.rollback().await?;
                 return Ok(FailAnswer::Lost);
             };
-            let job = store.end_attempt(&mut transaction, &job, &problem, retryable, now_ms).await?;
+            // Pauses grow from attempt to attempt.
+            let doublings = job.attempt.saturating_sub(1).min(16);
+            let pause = retryable
+                .then(|| (store.inner.options.retry_pause * (1 << doublings)).min(StoreOptions::LONGEST_PAUSE));
+            let job = store.end_attempt(&mut transaction, &job, &problem, pause, now_ms).await?;
             transaction.commit().await?;
             store.announce(&job);
             Ok(if job.status == JobStatus::Enqueued { FailAnswer::Retried } else { FailAnswer::Finished(job.status) })
@@ -318,6 +322,14 @@ impl Store {
     /// # Errors
     /// [`StoreError::Busy`] and its kin.
     pub async fn release(&self, token: Uuid) -> Result<bool, StoreError> {
+        self.release_larger(token, 0).await
+    }
+
+    /// The same of a job that turned out to need so many bytes of memory, if that is more than it was promised: whoever has them takes it next.
+    ///
+    /// # Errors
+    /// As [`release`](Self::release).
+    pub async fn release_larger(&self, token: Uuid, bytes: u64) -> Result<bool, StoreError> {
         let store = self.clone();
         detached(async move {
             let now_ms = store.now_ms();
@@ -330,6 +342,13 @@ impl Store {
                 finish(&mut transaction, &job, JobStatus::Canceled, None, now_ms).await?
             } else {
                 let problem = job.problem.as_ref();
+                if bytes > job.memory_bytes {
+                    sql::query("UPDATE jobs SET memory_bytes = ? WHERE id = ?")
+                        .bind(i64::try_from(bytes).unwrap_or(i64::MAX))
+                        .bind(job.id.to_string())
+                        .execute(transaction.on())
+                        .await?;
+                }
                 requeue(&mut transaction, &job, job.attempt.saturating_sub(1), problem, now_ms, now_ms).await?
             };
             transaction.commit().await?;
@@ -367,7 +386,9 @@ impl Store {
                 kind: "worker-lost".to_owned(),
                 detail: format!("the worker of attempt {} of {} was lost{stage}", job.attempt, job.max_attempts),
             };
-            let job = self.end_attempt(&mut transaction, &job, &problem, true, now_ms).await?;
+            // Its lease was pause enough: where records are shared, a claim takes such a job without any.
+            let pause = self.inner.options.retry_pause.min(StoreOptions::LONGEST_PAUSE);
+            let job = self.end_attempt(&mut transaction, &job, &problem, Some(pause), now_ms).await?;
             reaped.push(Reaped { job });
         }
         transaction.commit().await?;
@@ -375,21 +396,19 @@ impl Store {
         Ok(reaped)
     }
 
-    /// Cancels, enqueues again or fails a job whose attempt came to nothing.
+    /// Cancels, enqueues again or fails a job whose attempt came to nothing. Without a pause nothing is tried again.
     async fn end_attempt(
         &self,
         on: &mut Transaction,
         job: &JobRecord,
         problem: &JobProblem,
-        retryable: bool,
+        pause: Option<Duration>,
         now_ms: i64,
     ) -> Result<JobRecord, StoreError> {
         if job.cancel_requested {
             return finish(on, job, JobStatus::Canceled, None, now_ms).await;
         }
-        if retryable && job.attempt < job.max_attempts {
-            let doublings = job.attempt.saturating_sub(1).min(16);
-            let pause = (self.inner.options.retry_pause * (1 << doublings)).min(StoreOptions::LONGEST_PAUSE);
+        if let Some(pause) = pause.filter(|_| job.attempt < job.max_attempts) {
             return requeue(on, job, job.attempt, Some(problem), now_ms, expiry(now_ms, pause)).await;
         }
         finish(on, job, JobStatus::Failed, Some(problem), now_ms).await

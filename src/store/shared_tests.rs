@@ -128,6 +128,7 @@ both!(
         an_idempotency_key_stands_for_one_request,
         the_writes_of_a_lost_lease_change_nothing,
         attempts_are_bounded_and_pauses_grow,
+        a_worker_that_is_lost_makes_no_longer_pause_the_more_often_that_happens,
         a_clock_that_goes_back_holds_no_job,
         a_job_is_cancelled_at_once_or_at_its_end,
         a_large_job_is_waited_for_and_not_overtaken,

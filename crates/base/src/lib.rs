@@ -1,10 +1,12 @@
-//! What every crate of Chladni needs and none is about: the hook through which long work reports and is stopped, a seeded random generator, and memory
-//! that one piece of work leaves to the next.
+//! What every crate of Chladni needs and none is about: the hook through which long work reports and is stopped, a seeded random generator, memory that
+//! one piece of work leaves to the next, and memory that the allocator keeps.
 
 mod monitor;
 mod random;
 mod spare;
+mod trim;
 
 pub use monitor::{Cancelled, Monitor, Portion, Quiet, Share, StageClock, Unwatched, notes};
 pub use random::SplitMix64;
 pub use spare::Spare;
+pub use trim::{set_trim, trim};

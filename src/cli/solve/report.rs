@@ -1,8 +1,9 @@
 //! What a solve tells: one object, or a few lines to read.
 
 use std::ops::Range;
+use std::sync::Arc;
 
-use chladni_spectral::basis::{Basis, Certificate, CutCluster, Interval};
+use chladni_spectral::basis::{Basis, Certificate, CutCluster, Interval, Product};
 use chladni_work::{JobParameters, SOLVER_VERSION, abbreviate};
 use serde_json::{Value, json};
 
@@ -14,14 +15,16 @@ const LISTED_PAIRS: usize = 12;
 
 /// An eigenbasis with what its run measured.
 pub struct Run {
-    basis: Basis,
+    /// That of `finished`: a copy of the basis of a large mesh would take as much memory as all the work.
+    basis: Arc<Basis>,
     finished: Finished,
 }
 
 impl Run {
     /// What a run made; `None` where that is no eigenbasis.
     pub fn of(finished: Finished) -> Option<Self> {
-        let basis = finished.product.clone().into_eigenbasis()?;
+        let Product::Eigenbasis(basis) = &finished.product else { return None };
+        let basis = Arc::clone(basis);
         Some(Self { basis, finished })
     }
 

@@ -5,8 +5,10 @@ use std::{
     time::Duration,
 };
 
+use chladni_algebra::{DenseMatrix, SparseMatrix};
 use chladni_spectral::basis::{
-    CHUNK_COLUMNS, ColumnChunk, ColumnError, ColumnSource, DenseFunctions, Precision, Product, ProductKind, StoredPart,
+    CHUNK_COLUMNS, ColumnChunk, ColumnError, ColumnSource, Compact, DenseFunctions, Functions, Precision, Product,
+    ProductKind, StoredPart,
 };
 use chladni_spectral::formats::npz;
 use chladni_work::Division;
@@ -44,6 +46,31 @@ pub(super) fn take(mut worker: Worker, head: &[u8], promised: u64, pool: &Weak<P
                 kind => Product::read_npz(kind, &content),
             };
             product.map(Outcome::Product).map_err(|error| format!("a result that could not be decoded: {error}"))
+        }
+        Delivery::Compact { head, rows, columns, entries } => {
+            let bytes = |count: usize, each: usize| (count as u64).saturating_mul(each as u64);
+            let space = bytes(rows, 8).saturating_add(bytes(entries, 8));
+            if head.saturating_add(space) > most {
+                return Err("a basis of more bytes than the job was promised".to_owned());
+            }
+            let mut stream = Stream::new(worker);
+            let head = stream.bytes(head, most)?;
+            let offsets: Vec<u64> = stream.numbers(rows + 1)?;
+            let offsets = offsets.into_iter().map(|offset| usize::try_from(offset).unwrap_or(usize::MAX)).collect();
+            let (indices, values) = (stream.numbers(entries)?, stream.numbers(entries)?);
+            finish(stream.into_worker(), pool)?;
+            let undecoded = |error: &dyn std::fmt::Display| format!("a result that could not be decoded: {error}");
+            let space =
+                SparseMatrix::new(rows, columns, offsets, indices, values).map_err(|error| undecoded(&error))?;
+            let mut basis = npz::read(&head).map_err(|error| undecoded(&error))?;
+            match &mut basis.functions {
+                Functions::Compact(empty) if (empty.space.rows(), empty.space.columns()) == (rows, columns) => {
+                    let coefficients = std::mem::replace(&mut empty.coefficients, DenseMatrix::zeros(0, 0));
+                    *empty = Compact::new(space, coefficients);
+                }
+                _ => return Err(undecoded(&"its space does not fit the rest")),
+            }
+            Ok(Outcome::Product(basis.into()))
         }
         Delivery::Parts { parts, memory_bytes } => {
             finish(worker, pool).map(|()| Outcome::Parts(Division { parts, memory_bytes }))
@@ -111,8 +138,34 @@ impl Stream {
         let bytes = bytes as usize;
         let mut found = std::mem::take(&mut self.rest);
         while found.len() < bytes {
+            found.extend_from_slice(&self.piece()?);
+        }
+        self.rest = found.split_off(bytes);
+        Ok(found)
+    }
+
+    /// The next numbers, of which there may be as many as memory holds but once: they are little-endian, as are all machines that this runs on.
+    fn numbers<T: bytemuck::Pod>(&mut self, count: usize) -> Result<Vec<T>, String> {
+        let mut found = vec![T::zeroed(); count];
+        let mut left: &mut [u8] = bytemuck::cast_slice_mut(&mut found);
+        let mut piece = std::mem::take(&mut self.rest);
+        loop {
+            let (now, later) = left.split_at_mut(piece.len().min(left.len()));
+            now.copy_from_slice(&piece[..now.len()]);
+            self.rest = piece.split_off(now.len());
+            if later.is_empty() {
+                return Ok(found);
+            }
+            left = later;
+            piece = self.piece()?;
+        }
+    }
+
+    /// What comes next of the content.
+    fn piece(&mut self) -> Result<Vec<u8>, String> {
+        loop {
             match self.worker.hear(PATIENCE) {
-                Heard::Frame(frame) if frame.tag == Tag::Content => found.extend_from_slice(&frame.body),
+                Heard::Frame(frame) if frame.tag == Tag::Content => return Ok(frame.body),
                 // The work has ended; its last words came in between.
                 Heard::Frame(frame) if matches!(frame.tag, Tag::Beat | Tag::Progress | Tag::Detail | Tag::Stage) => {}
                 Heard::Frame(frame) => return Err(format!("{:?} in the middle of a product", frame.tag)),
@@ -120,8 +173,6 @@ impl Stream {
                 Heard::Ended(how) => return Err(how),
             }
         }
-        self.rest = found.split_off(bytes);
-        Ok(found)
     }
 }
 

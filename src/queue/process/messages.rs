@@ -4,7 +4,10 @@ use std::num::NonZeroUsize;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{queue::JobFailure, store::JobRecord};
+use crate::{
+    queue::{JobFailure, MEMORY_EXCEEDED},
+    store::JobRecord,
+};
 
 /// A job to be run.
 #[derive(Debug, Serialize, Deserialize)]
@@ -31,6 +34,9 @@ pub(super) struct Reason {
     pub kind: String,
     pub detail: String,
     pub retryable: bool,
+    /// The bytes of memory that would do.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub needed: Option<u64>,
 }
 
 /// What follows in frames of content.
@@ -38,6 +44,9 @@ pub(super) struct Reason {
 pub(super) enum Delivery {
     /// So many bytes of an NPZ file.
     Whole { kind: String, bytes: u64 },
+    /// A compact basis: so many bytes of all but its space, then the places of `rows` rows and one more as eight bytes each, the columns of its entries
+    /// and their values.
+    Compact { head: u64, rows: usize, columns: usize, entries: usize },
     /// No content: the job is to be divided into so many parts, each of which takes so many bytes of memory.
     Parts { parts: NonZeroUsize, memory_bytes: u64 },
     /// A dense basis: so many bytes of all but its columns, then these, in `precision`.
@@ -57,16 +66,24 @@ impl Failure {
     pub fn new(failure: JobFailure, taken: Taken) -> Self {
         let reason = match failure {
             JobFailure::Cancelled(_) => None,
-            JobFailure::Failed { kind, detail, retryable } => Some(Reason { kind, detail, retryable }),
+            JobFailure::Failed { kind, detail, retryable } => Some(Reason { kind, detail, retryable, needed: None }),
+            JobFailure::NeedsMore { bytes, detail } => {
+                Some(Reason { kind: MEMORY_EXCEEDED.to_owned(), detail, retryable: false, needed: Some(bytes) })
+            }
             // A worker does not hear of its own death.
-            JobFailure::Died { how } => Some(Reason { kind: "worker-lost".to_owned(), detail: how, retryable: true }),
+            JobFailure::Died { how } => {
+                Some(Reason { kind: "worker-lost".to_owned(), detail: how, retryable: true, needed: None })
+            }
         };
         Self { reason, taken }
     }
 }
 
 impl From<Reason> for JobFailure {
-    fn from(Reason { kind, detail, retryable }: Reason) -> Self {
-        Self::Failed { kind, detail, retryable }
+    fn from(Reason { kind, detail, retryable, needed }: Reason) -> Self {
+        match needed {
+            Some(bytes) => Self::NeedsMore { bytes, detail },
+            None => Self::Failed { kind, detail, retryable },
+        }
     }
 }

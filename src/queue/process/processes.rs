@@ -23,7 +23,7 @@ use super::{
     messages::{Failure, Order, Taken},
 };
 use crate::{
-    queue::{JobFailure, Outcome, QueueObserver, Runner, Watch},
+    queue::{JobFailure, MEMORY_EXCEEDED, Outcome, QueueObserver, Runner, Watch},
     store::{CollectedShape, JobRecord, PartSource, Subject},
 };
 
@@ -309,5 +309,5 @@ fn too_little(job: &JobRecord) -> JobFailure {
     let promised = job.memory_bytes;
     let limit = memory_limit(promised);
     let detail = format!("the job was estimated to need {promised} bytes of memory, and exceeded its limit of {limit}");
-    JobFailure::Failed { kind: "memory-exceeded".to_owned(), detail, retryable: false }
+    JobFailure::Failed { kind: MEMORY_EXCEEDED.to_owned(), detail, retryable: false }
 }

@@ -11,9 +11,9 @@ use std::{
     time::Instant,
 };
 
-use chladni_algebra::{DenseMatrix, gpu};
+use chladni_algebra::{DenseMatrix, SparseMatrix, gpu};
 use chladni_base::{Cancelled, Monitor};
-use chladni_spectral::basis::{Basis, Functions, Product};
+use chladni_spectral::basis::{Basis, Compact, Functions, Product};
 use chladni_spectral::formats::npz;
 use chladni_work::Division;
 
@@ -32,6 +32,8 @@ use crate::{
 const BEAT_MS: u64 = 20;
 /// A worker that holds so many more bytes than it began with is replaced.
 const SWOLLEN: u64 = 256 << 20;
+/// A compact basis of so many bytes is delivered without being encoded first: that would be a copy of it.
+const APART_FROM: u64 = 64 << 20;
 /// Matrices of this size are multiplied by the kernels for large ones.
 const ENOUGH: usize = 96;
 
@@ -227,6 +229,9 @@ fn deliver(product: Product, output: &Output) -> io::Result<Result<(), JobFailur
     let kind = product.kind().name().to_owned();
     match product.in_columns() {
         Ok(basis) => deliver_columns(basis, output, unwritten),
+        Err(Product::Eigenbasis(basis)) if basis.stored_bytes() >= APART_FROM => {
+            deliver_compact(Arc::unwrap_or_clone(basis), output, unwritten)
+        }
         Err(product) => {
             let mut content = io::Cursor::new(Vec::with_capacity(product.stored_bytes() as usize + (1 << 16)));
             if let Err(error) = product.write_npz(&mut content) {
@@ -241,6 +246,39 @@ fn deliver(product: Product, output: &Output) -> io::Result<Result<(), JobFailur
             Ok(Ok(()))
         }
     }
+}
+
+/// Sends a compact basis without a copy of its space, which is nearly all of it.
+fn deliver_compact(
+    mut basis: Basis,
+    output: &Output,
+    unwritten: impl Fn(&dyn std::fmt::Display) -> Result<(), JobFailure>,
+) -> io::Result<Result<(), JobFailure>> {
+    let Functions::Compact(Compact { space, .. }) = &mut basis.functions else {
+        return Ok(unwritten(&"the basis is not compact"));
+    };
+    let (rows, columns) = (space.rows(), space.columns());
+    let empty = SparseMatrix::from_sorted_parts(rows, columns, vec![0; rows + 1], Vec::new(), Vec::new());
+    let (offsets, indices, values) = std::mem::replace(space, empty).into_parts();
+    let mut head = io::Cursor::new(Vec::new());
+    if let Err(error) = npz::write(&basis, &mut head) {
+        return Ok(unwritten(&error));
+    }
+    drop(basis);
+    let head = head.into_inner();
+    let delivery = Delivery::Compact { head: head.len() as u64, rows, columns, entries: indices.len() };
+    say_json(output, Tag::Product, &delivery)?;
+    let mut output = output.lock().unwrap_or_else(PoisonError::into_inner);
+    frame::write_pieces(&mut *output, Tag::Content, &head)?;
+    let mut pieces = Pieces::new(&mut *output, Tag::Content);
+    for offset in offsets {
+        pieces.write_all(&(offset as u64).to_le_bytes())?;
+    }
+    pieces.flush()?;
+    frame::write_pieces(&mut *output, Tag::Content, bytemuck::cast_slice(&indices))?;
+    frame::write_pieces(&mut *output, Tag::Content, bytemuck::cast_slice(&values))?;
+    output.flush()?;
+    Ok(Ok(()))
 }
 
 /// Sends a dense basis, its columns chunk by chunk, each given up when it is sent.

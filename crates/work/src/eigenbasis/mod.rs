@@ -455,7 +455,12 @@ impl Work for EigenbasisParameters {
             let surface = 24 * mesh.vertices as u64 + 12 * mesh.faces as u64;
             return surface + nested::bytes_of(&self.operator.operator, &self.method, mesh) + (64 << 20);
         }
-        self.memory_bytes(mesh.vertices, mesh.faces) + self.joined_bytes(mesh.vertices)
+        let most = self.bytes_in_one_piece(mesh);
+        // Whether one that leaves it to the server is divided is seen when it is planned.
+        match self.parts.and_then(Parts::number).and_then(|_| self.bytes_in_parts(mesh)) {
+            Some(bytes) => bytes.min(most),
+            None => most,
+        }
     }
 
     fn seconds(&self, mesh: MeshSize) -> Option<f64> {

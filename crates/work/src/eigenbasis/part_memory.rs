@@ -1,4 +1,4 @@
-//! What the parts of a problem take, and whoever joins them: docs/decisions/0127.
+//! What the parts of a problem take, and whoever plans and joins them: docs/decisions/0127 and 0132.
 
 use std::num::NonZeroUsize;
 
@@ -10,11 +10,18 @@ use chladni_spectral::spectrum::hsim::{HsimParameters, Wanted};
 
 use super::approximation::panels_at_once;
 use super::parts::BESIDE;
-use super::{Approximate, EigenbasisParameters, Exact, Method};
+use super::{Approximate, EigenbasisParameters, Exact, MOST_PARTS, Method};
 use crate::{JobError, JobParameters, MeshSize};
 
 /// The program itself, and what it keeps of what was let go of.
 const PROGRAM: u64 = 110 << 20;
+
+/// Of a vertex, while a plan is made.
+const PLAN_BYTES: u64 = 130;
+
+/// Of a vertex, while parts are joined; and what is held beside, whatever their size.
+const JOIN_BYTES: u64 = 262;
+const BESIDE_JOIN: u64 = 40 << 20;
 
 /// Into how many parts a job is divided, and what it takes to solve one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,6 +33,37 @@ pub struct Division {
 }
 
 impl JobParameters {
+    /// An estimate of the memory that the job needs, in bytes, where it is divided if that takes less: a job that leaves it to the server whether it is
+    /// divided otherwise counts as one in one piece.
+    pub fn memory_bytes_in_parts(&self, mesh: MeshSize) -> u64 {
+        let most = self.memory_bytes(mesh);
+        let Self::Eigenbasis(parameters) = self else { return most };
+        parameters.bytes_in_parts(mesh).map_or(most, |bytes| bytes.min(most))
+    }
+
+    /// An estimate of the memory that the job needs where it is not divided after all, in bytes.
+    pub fn memory_bytes_in_one_piece(&self, mesh: MeshSize) -> u64 {
+        match self {
+            Self::Eigenbasis(parameters) => parameters.bytes_in_one_piece(mesh),
+            _ => self.memory_bytes(mesh),
+        }
+    }
+
+    /// Makes sure that a job that was to be divided, and may have been promised no more than that takes, may be done in one piece.
+    pub(super) fn has_room_for_one_piece(&self, mesh: MeshSize, monitor: &dyn Monitor) -> Result<(), JobError> {
+        let Self::Eigenbasis(parameters) = self else { return Ok(()) };
+        let Some(promised) = monitor.promised_bytes().filter(|_| parameters.bytes_in_parts(mesh).is_some()) else {
+            return Ok(());
+        };
+        // It was promised by a server, whose threads may be fewer than those here.
+        let needed = self.memory_bytes_in_one_piece(mesh);
+        if needed <= promised.saturating_add(promised / 4) {
+            Ok(())
+        } else {
+            Err(JobError::Memory { needed, promised })
+        }
+    }
+
     /// An estimate of the memory that one of so many parts needs, in bytes, whatever the mesh is like.
     pub fn part_memory_bytes(&self, mesh: MeshSize, parts: NonZeroUsize) -> u64 {
         let Self::Eigenbasis(parameters) = self else { return self.memory_bytes(mesh) };
@@ -59,7 +97,8 @@ impl JobParameters {
         let most = self.part_memory_bytes(size, parts);
         let Self::Eigenbasis(parameters) = self else { return Ok(most) };
         let Some((approximate, problem)) = parameters.by_rows(mesh, monitor)? else { return Ok(most) };
-        Ok(parameters.bytes_of_part_by_rows(approximate, &problem, size, parts).map_or(most, |bytes| bytes.min(most)))
+        let less = parameters.is_by_pieces(approximate, &problem);
+        Ok(if less { approximate.part_bytes(size, parts).min(most) } else { most })
     }
 
     /// An estimate of the memory that it takes to join parts on a mesh, in bytes.
@@ -85,6 +124,21 @@ impl JobParameters {
 }
 
 impl EigenbasisParameters {
+    /// What a job takes in one piece, or what it takes to join its parts, where that is more.
+    pub(super) fn bytes_in_one_piece(&self, size: MeshSize) -> u64 {
+        self.memory_bytes(size.vertices, size.faces) + self.joined_bytes(size.vertices)
+    }
+
+    /// What a job takes that others solve the parts of: it makes the plan, and joins them. No less than one of its parts, the smallest that there may
+    /// be where their number is left open: where nobody has room for a part, nothing comes of the whole. `None` where the job is not divided by the
+    /// surface; whether the mesh is one that lets this be enough is for the plan to see.
+    pub(super) fn bytes_in_parts(&self, size: MeshSize) -> Option<u64> {
+        let (Method::Approximate(approximate), Some(parts)) = (&self.method, self.parts) else { return None };
+        let own = approximate.plan_bytes(size).max(approximate.join_bytes(size));
+        let parts = parts.number().or(NonZeroUsize::new(MOST_PARTS))?;
+        Some(own.max(approximate.part_bytes(size, parts)))
+    }
+
     /// The approximation, and its operator without a matrix, where that is enough for parts.
     fn by_rows<'a>(
         &self,
@@ -95,23 +149,16 @@ impl EigenbasisParameters {
         Ok(LaplacianByRows::new(mesh, &self.operator, monitor)?.map(|problem| (approximate, problem)))
     }
 
-    /// What a part takes whose columns are made a piece at a time, where they are.
-    pub(super) fn bytes_of_part_by_rows(
-        &self,
-        approximate: &Approximate,
-        problem: &LaplacianByRows<'_>,
-        size: MeshSize,
-        parts: NonZeroUsize,
-    ) -> Option<u64> {
-        let by_pieces = approximate_parts::Parted::is_by_pieces(problem, &approximate.parameters(self.seed));
-        by_pieces.then(|| approximate.part_bytes(size, parts))
+    /// Whether parts make their columns a piece at a time.
+    pub(super) fn is_by_pieces(&self, approximate: &Approximate, problem: &LaplacianByRows<'_>) -> bool {
+        approximate_parts::Parted::is_by_pieces(problem, &approximate.parameters(self.seed))
     }
 }
 
 impl Approximate {
     /// What a part takes: it makes its columns, a piece of the surface at a time, then it measures its rows, so many at a time. Bytes a vertex are
     /// measured ones.
-    fn part_bytes(&self, size: MeshSize, parts: NonZeroUsize) -> u64 {
+    pub(super) fn part_bytes(&self, size: MeshSize, parts: NonZeroUsize) -> u64 {
         let (n, d, m) = (size.vertices as u64, self.dimension as u64, self.count as u64);
         let surface = 24 * n + 12 * size.faces as u64;
         // Edges, their lengths and weights, columns before they diffuse, where vertices lie on the coarse level; rows of a piece of the operator. Each
@@ -125,13 +172,18 @@ impl Approximate {
         PROGRAM + columns.max(measured) + d * d * 8 * 3 + d * m * 8 * 2
     }
 
-    /// What a join takes: the rows of all parts, half as much again while they are put in order, and what the allocator keeps meanwhile.
+    /// What a plan takes: the surface, the triangles of each vertex, and what tells whether edges are those of a manifold.
+    fn plan_bytes(&self, size: MeshSize) -> u64 {
+        let (n, f) = (size.vertices as u64, size.faces as u64);
+        PROGRAM + 24 * n + 12 * f + PLAN_BYTES * n
+    }
+
+    /// What a join takes: the rows of all parts, twenty entries each and a little more, and half as much again while they are put in order; masses, where
+    /// rows begin, and their numbers. The allocator gives back what was let go of meanwhile.
     fn join_bytes(&self, size: MeshSize) -> u64 {
         let (n, d, m) = (size.vertices as u64, self.dimension as u64, self.count as u64);
         let surface = 24 * n + 12 * size.faces as u64;
-        // Twenty entries a row, and a little more, whatever the dimension.
-        let rows = 8 * 21 * n;
-        PROGRAM + surface + 60 * n + 2 * rows + d * m * 8 * 4
+        PROGRAM + BESIDE_JOIN + surface + JOIN_BYTES * n + d * m * 8 * 4
     }
 }
 

@@ -112,12 +112,13 @@ impl EigenbasisParameters {
     }
 
     /// Into how many parts the problem is divided, where so many are asked for or none, and `chosen` of as many as there would be by nature. The memory
-    /// that one takes is told where the mesh says that it is less than that of any.
+    /// that one takes is told where the mesh says that it is less than that of any. `room` is asked for where it takes as much as one piece.
     fn planned(
         &self,
         mesh: &TriangleMesh,
         parts: Option<NonZeroUsize>,
-        chosen: impl Fn(usize) -> Option<NonZeroUsize>,
+        chosen: impl Fn(usize, &dyn Fn(NonZeroUsize) -> Option<u64>) -> Option<NonZeroUsize>,
+        room: &dyn Fn() -> Result<(), JobError>,
         monitor: &dyn Monitor,
     ) -> Result<Option<(NonZeroUsize, Option<u64>)>, JobError> {
         let (method, parts) = (self.divisible()?, parts.map(NonZeroUsize::get));
@@ -126,9 +127,12 @@ impl EigenbasisParameters {
         {
             let natural = approximate_parts::Parted::number(&problem, &approximate.parameters(self.seed), parts)?;
             let size = MeshSize::of_body(mesh, None);
-            let bytes = |parts| self.bytes_of_part_by_rows(approximate, &problem, size, parts);
-            return Ok(chosen(natural).map(|parts| (parts, bytes(parts))));
+            let is_by_pieces = self.is_by_pieces(approximate, &problem);
+            let bytes = |parts| is_by_pieces.then(|| approximate.part_bytes(size, parts));
+            return Ok(chosen(natural, &bytes).map(|parts| (parts, bytes(parts))));
         }
+        // All rows of the matrix are made, as in one piece.
+        room()?;
         let natural = self.with_operator(mesh, monitor, |mesh, operator| {
             let natural = match method {
                 Divisible::Spectrum(exact) => {
@@ -144,7 +148,7 @@ impl EigenbasisParameters {
             };
             Ok(natural)
         })?;
-        Ok(chosen(natural).map(|parts| (parts, None)))
+        Ok(chosen(natural, &|_| None).map(|parts| (parts, None)))
     }
 
     /// Solves one of so many parts, as by a version of the solver.
@@ -186,6 +190,7 @@ impl EigenbasisParameters {
         solid: Option<&TetMesh>,
         (parts, version): (NonZeroUsize, &str),
         part: &mut PartSource<'_>,
+        room: &dyn Fn() -> Result<(), JobError>,
         monitor: &dyn Monitor,
     ) -> Result<Basis, JobError> {
         let (method, parts) = (self.divisible()?, Some(parts.get()));
@@ -194,10 +199,11 @@ impl EigenbasisParameters {
         {
             let parameters = approximate.parameters(self.seed);
             let parted = approximate_parts::Parted::by_rows(&problem, &parameters, parts, version, monitor)?;
-            let mut basis = dense_where_smaller(parted.join(part)?, monitor)?;
+            let mut basis = dense_where_smaller(parted.join_within(part, room().is_ok())?, monitor)?;
             self.describe(&mut basis, &problem.without_rows(), self.method_name().name(), solid);
             return Ok(basis);
         }
+        room()?;
         self.with_operator(mesh, monitor, |mesh, operator| {
             let mut basis = match method {
                 Divisible::Spectrum(exact) => {
@@ -242,10 +248,10 @@ impl JobParameters {
 
     /// Into how many parts a job is divided that asks for it, where `workers` may solve them at once; `None` where it is solved in one piece for want
     /// of workers, and in words why it is where a number of parts was asked for that the problem does not give. What it was divided into `before` it is
-    /// divided into again, so that parts which are done are found.
+    /// divided into again, so that parts which are done are found. One that was promised less than one piece takes is divided for a single worker too.
     ///
     /// # Errors
-    /// [`JobError`], as [`run`](Self::run).
+    /// [`JobError`], as [`run`](Self::run); [`JobError::Memory`] where the job takes as much as one piece, and was promised less.
     pub fn plan_parts(
         &self,
         mesh: &TriangleMesh,
@@ -256,31 +262,45 @@ impl JobParameters {
     ) -> Result<Result<Option<Division>, String>, JobError> {
         let Some(parts) = self.parts() else { return Ok(Ok(None)) };
         let asked = parts.number().or(before);
-        if asked.is_none() && workers < 2 {
+        let size = MeshSize::of_body(mesh, solid);
+        let room = || self.has_room_for_one_piece(size, monitor);
+        let may_be_whole = room().is_ok();
+        if asked.is_none() && workers < 2 && may_be_whole {
             return Ok(Ok(None));
         }
         monitor.stage("plan");
         let parameters = self.divided(mesh, solid)?;
-        let chosen = |natural: usize| {
-            let parts = asked.map_or(natural.min(workers).min(super::MOST_PARTS), NonZeroUsize::get);
-            NonZeroUsize::new(parts).filter(|parts| parts.get() > 1)
+        let chosen = |natural: usize, bytes: &dyn Fn(NonZeroUsize) -> Option<u64>| {
+            let by_workers = natural.min(workers).min(super::MOST_PARTS);
+            // Where there is no room for one piece, a part is to fit where the job itself does.
+            let fits = |&parts: &usize| {
+                let taken = NonZeroUsize::new(parts).and_then(bytes);
+                taken.zip(monitor.promised_bytes()).is_some_and(|(taken, promised)| taken <= promised)
+            };
+            let that_fit = || (by_workers.max(2)..=super::MOST_PARTS).find(fits).unwrap_or(by_workers);
+            let of_itself = || if may_be_whole { by_workers } else { that_fit() };
+            NonZeroUsize::new(asked.map_or_else(of_itself, NonZeroUsize::get)).filter(|parts| parts.get() > 1)
         };
-        match parameters.planned(mesh, asked, chosen, monitor) {
-            Ok(planned) => Ok(Ok(planned.map(|(parts, bytes)| {
-                let most = self.part_memory_bytes(MeshSize::of_body(mesh, solid), parts);
-                Division { parts, memory_bytes: bytes.map_or(most, |bytes| bytes.min(most)) }
-            }))),
+        let planned = match parameters.planned(mesh, asked, chosen, &room, monitor) {
+            Ok(Some((parts, bytes))) => {
+                let most = self.part_memory_bytes(size, parts);
+                let memory_bytes = bytes.map_or(most, |bytes| bytes.min(most));
+                return Ok(Ok(Some(Division { parts, memory_bytes })));
+            }
+            Ok(None) => Ok(None),
             // Whoever leaves the number to the server leaves it to it to divide nothing.
-            Err(JobError::Parts(PartError::Unsuited { .. })) if parts.number().is_none() => Ok(Ok(None)),
-            Err(JobError::Parts(error @ PartError::Unsuited { .. })) => Ok(Err(error.to_string())),
-            Err(error) => Err(error),
-        }
+            Err(JobError::Parts(PartError::Unsuited { .. })) if parts.number().is_none() => Ok(None),
+            Err(JobError::Parts(error @ PartError::Unsuited { .. })) => Err(error.to_string()),
+            Err(error) => return Err(error),
+        };
+        room()?;
+        Ok(planned)
     }
 
     /// Runs a job in one piece that was to be divided, and notes why it was not.
     ///
     /// # Errors
-    /// As [`run_body`](Self::run_body).
+    /// As [`run_body`](Self::run_body); [`JobError::Memory`] where it was promised less.
     pub fn run_whole(
         &self,
         mesh: &TriangleMesh,
@@ -289,6 +309,7 @@ impl JobParameters {
         monitor: &dyn Monitor,
     ) -> Result<Outcome, JobError> {
         self.check_mesh(MeshSize::of_body(mesh, solid))?;
+        self.has_room_for_one_piece(MeshSize::of_body(mesh, solid), monitor)?;
         self.outcome(mesh, monitor, |clock| {
             clock.note(FALLBACKS, &format!("in parts: {reason}"));
             self.work().run_body(mesh, solid, clock)
@@ -341,7 +362,8 @@ impl JobParameters {
     /// Joins all parts of a problem: what comes out is what [`run_body`](Self::run_body) leaves behind.
     ///
     /// # Errors
-    /// [`JobError`]; [`PartError`] names the part that is missing, damaged or of something else.
+    /// [`JobError`]; [`PartError`] names the part that is missing, damaged or of something else. [`JobError::Memory`] where one piece has to be made after
+    /// all, and the job was promised less than that takes.
     pub fn join_parts(
         &self,
         mesh: &TriangleMesh,
@@ -366,7 +388,8 @@ impl JobParameters {
         monitor: &dyn Monitor,
     ) -> Result<Outcome, JobError> {
         let parameters = self.divided(mesh, solid)?;
-        self.outcome(mesh, monitor, |clock| parameters.join(mesh, solid, of, part, clock).map(Product::from))
+        let room = || self.has_room_for_one_piece(MeshSize::of_body(mesh, solid), monitor);
+        self.outcome(mesh, monitor, |clock| parameters.join(mesh, solid, of, part, &room, clock).map(Product::from))
     }
 
     /// The only kind that is solved in parts.

@@ -210,11 +210,30 @@ pub fn write_numbered<W: Write + Seek>(
     numbering: Option<&Numbering>,
     out: W,
 ) -> Result<(), FormatError> {
-    let (space, dense) = match &basis.functions {
-        Functions::Compact(Compact { space, coefficients, .. }) => (space, coefficients),
-        Functions::Dense(dense) => return write_dense(basis, dense.clone(), numbering, out).map(|_| ()),
-    };
-    let mut members = Members { archive: ZipWriter::new(out) };
+    match &basis.functions {
+        Functions::Compact(compact) => write_compact(basis, compact, numbering, ZipWriter::new(out)),
+        Functions::Dense(dense) => write_dense(basis, dense.clone(), numbering, out).map(|_| ()),
+    }
+}
+
+/// The same to where nothing can be changed afterwards: lengths and checksums come after their members.
+///
+/// # Errors
+/// As [`write_numbered()`].
+pub fn write_stream<W: Write>(basis: &Basis, numbering: Option<&Numbering>, out: W) -> Result<(), FormatError> {
+    match &basis.functions {
+        Functions::Compact(compact) => write_compact(basis, compact, numbering, ZipWriter::new_stream(out)),
+        Functions::Dense(dense) => write_dense(basis, dense.clone(), numbering, out).map(|_| ()),
+    }
+}
+
+fn write_compact<W: Write + Seek>(
+    basis: &Basis,
+    Compact { space, coefficients: dense, .. }: &Compact,
+    numbering: Option<&Numbering>,
+    archive: ZipWriter<W>,
+) -> Result<(), FormatError> {
+    let mut members = Members { archive };
     members.add("format", "|S3", false, &[], b"csr")?;
     members.add("shape", "<i8", false, &[2], bytemuck::cast_slice(&[space.rows() as i64, space.columns() as i64]))?;
     members.add("data", "<f4", false, &[space.entries()], bytemuck::cast_slice(space.values()))?;

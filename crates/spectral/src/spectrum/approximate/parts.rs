@@ -31,7 +31,7 @@ use chladni_algebra::{
     ComputedOn, CpuSolver, DenseMatrix, EigenError, EigenPairs, SparseMatrix, SymmetricDefiniteSolver,
 };
 use chladni_base::notes::FALLBACKS;
-use chladni_base::{Monitor, Portion, Quiet};
+use chladni_base::{Monitor, Portion, Quiet, trim};
 use chladni_mesh::TriangleMesh;
 
 /// The most parts: numbers of more are taken for a slip.
@@ -266,6 +266,18 @@ impl<'a> Parted<'a> {
     /// Those of `part`; [`PartError::Version`], [`PartError::Foreign`] and [`PartError::Damaged`] name the part that cannot be used; those of
     /// [`approximate`](super::approximate()).
     pub fn join(self, part: &mut dyn FnMut(usize) -> Result<Part, PartError>) -> Result<Basis, PartError> {
+        self.join_within(part, true)
+    }
+
+    /// The same, and where the goal is missed nothing is made in one piece unless there is room for it.
+    ///
+    /// # Errors
+    /// As [`join`](Self::join); [`PartError::GoalMissed`].
+    pub fn join_within(
+        self,
+        part: &mut dyn FnMut(usize) -> Result<Part, PartError>,
+        room_for_one_piece: bool,
+    ) -> Result<Basis, PartError> {
         let without_rows;
         let operator = match &self.source {
             Source::Whole(operator) => *operator,
@@ -281,6 +293,8 @@ impl<'a> Parted<'a> {
         for number in 0..self.plan.parts {
             self.monitor.checkpoint()?;
             self.monitor.progress(number as f64 / self.plan.parts as f64);
+            // What the plan took, or a part as it was stored, is as much as a part itself.
+            trim();
             let found = part(number)?;
             // The first part tells how many columns there are; all else is known.
             let plan = plan.get_or_insert_with(|| PartPlan { columns: found.plan.columns, ..self.plan.clone() });
@@ -303,6 +317,9 @@ impl<'a> Parted<'a> {
             && problem.size() < TOLD_FROM
         {
             drop(attempt);
+            if !room_for_one_piece {
+                return Err(PartError::GoalMissed);
+            }
             self.monitor.note(
                 FALLBACKS,
                 "parts of the surface: their functions miss the goal, and more were made in one piece",

@@ -4,8 +4,12 @@
 //! take more, not less: the allocator keeps small blocks for itself, where large ones serve for what is asked for next (docs/decisions/0127).
 
 use chladni_algebra::SparseMatrix;
+use chladni_base::trim;
 
 use crate::operator::spread_rows;
+
+/// Of so many entries on what pieces leave behind is given back as they go: two copies of both would be more than all else.
+const MANY: usize = 1 << 24;
 
 /// Pieces of a matrix, each of some of its rows.
 pub(super) struct Stack<T> {
@@ -58,12 +62,21 @@ fn scattered<T: Copy + Default + Send + Sync>(
         of_indices.push(indices);
     }
     let mut indices = vec![0u32; offsets[n]];
+    let let_go = || {
+        if offsets[n] >= MANY {
+            trim();
+        }
+    };
     for ((rows, begins, _), part) in of_values.iter().zip(of_indices) {
         scatter(&offsets, rows, begins, &part, &mut indices);
+        drop(part);
+        let_go();
     }
     let mut values = vec![T::default(); offsets[n]];
     for (rows, begins, part) in of_values {
         scatter(&offsets, &rows, &begins, &part, &mut values);
+        drop((rows, begins, part));
+        let_go();
     }
     SparseMatrix::from_sorted_parts(n, d, offsets, indices, values)
 }

@@ -93,6 +93,9 @@ pub enum PartError {
         /// What is wrong with it.
         reason: String,
     },
+    /// Parts of a surface do not reach the goal, and there is no room for one piece, which might.
+    #[error("functions of parts of the surface miss the goal, and one piece takes more memory than there is")]
+    GoalMissed,
 }
 
 impl From<chladni_base::Cancelled> for PartError {
@@ -112,6 +115,7 @@ impl PartError {
             Self::Version { .. } => "part-of-another-version",
             Self::Foreign { .. } => "part-of-another-problem",
             Self::Damaged { .. } => "part-damaged",
+            Self::GoalMissed => "memory-exceeded",
         }
     }
 }
