@@ -43,6 +43,8 @@ def triangles(faces: Any) -> np.ndarray:
 
 def numeric(values: Any, what: str) -> np.ndarray:
     """An array of real numbers as float64."""
+    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
+        raise parameter_error(f"{what} are a masked array, and masked entries have no value: fill them")
     try:
         array = np.asarray(values)
     except ValueError as error:
@@ -64,6 +66,8 @@ def whole(value: Any, name: str, least: int = 0) -> int:
         raise parameter_error(f"{name} is {value!r}, where a whole number is due")
     if given < least:
         raise parameter_error(f"{name} is {given}, where at least {least} is due")
+    if given >= 2**64:
+        raise parameter_error(f"{name} is {given}, where less than 2**64 is due")
     return given
 
 
@@ -126,6 +130,10 @@ def progress_callback(progress: Any) -> tuple[Callable[[str, float], Any] | None
         return None, lambda: None
     if callable(progress):
         return progress, lambda: None
+    if progress is not True and not isinstance(progress, np.bool_):
+        raise parameter_error(f"progress is {progress!r}, where True, False or something to call with the stage and its fraction is due")
+    if not progress:
+        return None, lambda: None
     try:
         from tqdm.auto import tqdm
     except ImportError:

@@ -129,12 +129,12 @@ def eigsh(
     rows, _ = _arrays.vertex_list(fixed, "fixed", "row") if np.size(fixed) else ([], False)
     request: dict[str, Any] = {"tolerance": _arrays.number(tol, "tol") or _LEAST, "seed": _arrays.whole(seed, "seed"), "most": n if k is None else _arrays.whole(k, "k", least=1)}
     if below is not None:
-        request["below"] = float(below)
+        request["below"] = _arrays.number(below, "below")
     if between is not None:
-        request["between"] = [float(end) for end in between]
+        request["between"] = [_arrays.number(end, "between") for end in between]
     told, close = _arrays.progress_callback(progress)
     if sigma is not None:
-        request["around"], request["most"] = float(sigma), n
+        request["around"], request["most"] = _arrays.number(sigma, "sigma"), n
     if not interval:
         request["count"] = 6 if k is None else _arrays.whole(k, "k", least=1)
     try:
@@ -160,11 +160,15 @@ def _check_wanted(
         raise _arrays.parameter_error("either below or between, not both")
     if sigma is not None and not (below is None and between is None):
         raise _arrays.parameter_error("sigma belongs to a number of pairs, not to below or between")
-    for name, given in (("below", below), ("between", between), ("sigma", sigma), ("tol", tol)):
-        if given is not None and not np.all(np.isfinite(given)):
-            raise _arrays.parameter_error(f"{name} is {given}, where finite numbers are due")
-    if between is not None and not float(between[0]) < float(between[1]):
-        raise _arrays.parameter_error(f"between is {between}, where the first has to be below the second")
+    for name, given in (("below", below), ("sigma", sigma), ("tol", tol)):
+        if given is not None:
+            _arrays.number(given, name)
+    if between is not None:
+        if np.ndim(between) != 1 or len(between) != 2:
+            raise _arrays.parameter_error(f"between is {between!r}, where two numbers are due")
+        first, second = (_arrays.number(end, "between") for end in between)
+        if not first < second:
+            raise _arrays.parameter_error(f"between is {between}, where the first has to be below the second")
 
 
 def _csr(matrix: Any, name: str) -> Any:

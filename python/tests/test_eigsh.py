@@ -117,6 +117,15 @@ def indefinite():
         (lambda S: S, {"M": -np.ones(100)}, r"M\[0, 0\] is -1"),
         (lambda S: S, {"M": indefinite()}, "positive definite"),
         (lambda S: S, {"fixed": [100]}, "row 100"),
+        (lambda S: S, {"tol": "a"}, "tol is 'a'"),
+        (lambda S: S, {"below": "a"}, "below is 'a'"),
+        (lambda S: S, {"between": 3}, "between is 3"),
+        (lambda S: S, {"between": (0,)}, "two numbers"),
+        (lambda S: S, {"sigma": 1j}, "sigma"),
+        (lambda S: S, {"k": 10**20}, "k is 1"),
+        (lambda S: S, {"seed": 2**64}, "seed"),
+        (lambda S: S, {"progress": 5}, "progress is 5"),
+        (lambda S: S, {"M": np.ma.masked_less(np.ones(100), 2)}, "masked"),
     ],
 )
 def test_refusals_name_the_entry(change, arguments, message):
