@@ -4089,7 +4089,7 @@ export interface components {
             /**
              * Format: int64
              * @description About how much memory it needs, in bytes: an upper estimate for surfaces, and for problems, whose factor was counted. Pairs by a bound count
-             *     as `at_most`.
+             *     as `at_most`. Of an approximation in parts, what it takes to plan and join them, or what one of them takes.
              */
             memory_bytes: number;
             /**
@@ -4140,7 +4140,8 @@ export interface components {
             max_attempts: number;
             /**
              * Format: int64
-             * @description An estimate of the memory it needs: jobs that together need more than the server has do not run at once.
+             * @description An estimate of the memory it needs: jobs that together need more than the server has do not run at once. It grows where a job in parts turns out
+             *     to be done in one piece.
              */
             memory_bytes: number;
             /** @description Of a part, the job that it is a part of; null for others. */
@@ -6507,7 +6508,7 @@ export interface components {
              */
             low: number;
         };
-        /** @description Diffusion: `e^{−λ t}`; the detail beyond the basis is damped as its last mode is. */
+        /** @description Diffusion: `e^{−λ t}`, which grows where an eigenvalue is negative; the detail beyond the basis is damped as its last mode is. */
         TransferHeat: {
             /**
              * @description discriminator enum property added by openapi-typescript
@@ -6563,7 +6564,7 @@ export interface components {
         };
         /**
          * @description Sharpening: `1 + strength · λ / (λ + cutoff)`, from 1 for the coarsest shape to `1 + strength` for detail, that beyond the basis
-         *     included. A negative strength, not below −1, softens.
+         *     included. A negative strength, not below −1, softens. Eigenvalues below zero are taken as 0.
          */
         TransferSharpen: {
             /**
