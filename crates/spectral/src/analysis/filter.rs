@@ -107,23 +107,28 @@ impl Transfer {
         // What rounding alone keeps from zero is zero: a kernel at −1e-14 is within `0 ≤ λ`.
         let rounding = -1e-10 * eigenvalues.iter().fold(0.0f64, |most, value| most.max(value.abs()));
         let exact = |value: f64| if value < 0.0 && value >= rounding { 0.0 } else { value };
+        // Below zero there is nothing to tell apart, unless some eigenvalue is there.
+        let has_negative = eigenvalues.iter().any(|&value| exact(value) < 0.0);
+        let limit = if has_negative { finite } else { non_negative };
         let each = |factor: &dyn Fn(f64) -> f64| eigenvalues.iter().map(|&value| factor(exact(value))).collect();
         let last = eigenvalues.last().map_or(0.0, |&value| exact(value));
         let unit = |holds: bool| if holds { 1.0 } else { 0.0 };
         Ok(match *self {
             Self::LowPass { cutoff } => {
-                finite("cutoff", cutoff)?;
+                limit("cutoff", cutoff)?;
                 (each(&|value| unit(value <= cutoff)), 0.0)
             }
             Self::HighPass { cutoff } => {
-                finite("cutoff", cutoff)?;
+                limit("cutoff", cutoff)?;
                 (each(&|value| unit(value > cutoff)), 1.0)
             }
             Self::BandPass { low, high } => {
+                limit("low", low)?;
                 band(low, high)?;
                 (each(&|value| unit((low..=high).contains(&value))), 0.0)
             }
             Self::Gain { low, high, gain } => {
+                limit("low", low)?;
                 band(low, high)?;
                 finite("gain", gain)?;
                 (each(&|value| if (low..=high).contains(&value) { gain } else { 1.0 }), 1.0)
@@ -205,7 +210,6 @@ fn finite(parameter: &'static str, value: f64) -> Result<(), FilterError> {
 }
 
 fn band(low: f64, high: f64) -> Result<(), FilterError> {
-    finite("low", low)?;
     if high.is_finite() && high >= low {
         return Ok(());
     }

@@ -19,7 +19,7 @@ pub(super) struct Part {
 }
 
 /// Part of an interval in which half of its eigenvalues lie makes those a cluster.
-pub(super) const NARROW_SHARE: f64 = 1.0 / 16.0;
+const NARROW_SHARE: f64 = 1.0 / 16.0;
 
 /// A cluster has what lies within so many times its width, from its upper end on.
 const AROUND: f64 = 4.0;
@@ -35,6 +35,9 @@ const ROUNDING: f64 = 1e-14;
 
 /// Fewer values than this are no cluster: a space has them whatever they are.
 pub(super) const FEW: usize = 4;
+
+/// Cuts take no more counts than so many searches of one shift.
+const SEARCHES: usize = 8;
 
 /// The most parts.
 const MOST_PARTS: usize = 24;
@@ -67,7 +70,8 @@ impl Scout<'_> {
         if !(self.spread() > 0.0 && whole.high > whole.low) {
             return Ok(vec![whole]);
         }
-        let (high, to) = self.count_beside(whole.high, 1e-3 * (whole.high - whole.low))?;
+        self.for_cuts = SEARCHES * self.most_counts();
+        let (high, to) = self.spend(whole.high, 1e-3 * (whole.high - whole.low))?;
         let mut open = vec![Interval { low: whole.low, high, from: 0, to }];
         let mut parts = Vec::new();
         while let Some(interval) = open.pop() {
@@ -91,15 +95,15 @@ impl Scout<'_> {
     /// An interval with eigenvalues next to its ends, as seen from a distance of its width.
     fn without_ends(&mut self, mut interval: Interval, monitor: &dyn Monitor) -> Result<Interval, HsimError> {
         for share in [0.25, NARROW_SHARE] {
-            while interval.is_wide(self.spread()) {
+            while self.for_cuts > 0 && interval.is_wide(self.spread()) {
                 monitor.checkpoint()?;
                 let end = share * interval.width();
-                let (low, below) = self.count_beside(interval.low + end, 0.01 * end)?;
+                let (low, below) = self.spend(interval.low + end, 0.01 * end)?;
                 if below == interval.from {
                     interval.low = low;
                     continue;
                 }
-                let (high, below) = self.count_beside(interval.high - end, 0.01 * end)?;
+                let (high, below) = self.spend(interval.high - end, 0.01 * end)?;
                 if below == interval.to {
                     interval.high = high;
                     continue;
@@ -115,12 +119,12 @@ impl Scout<'_> {
         let Interval { high, to, .. } = whole;
         let (mut width, mut inside) = (whole.width(), to - whole.from);
         let least = (NARROW * high.abs().max(whole.low.abs())).max(ROUNDING * self.spread());
-        while inside >= FEW && width > least {
+        while self.for_cuts > 0 && inside >= FEW && width > least {
             monitor.checkpoint()?;
             let mut cluster = self.within(&whole, NARROW_SHARE * width)?;
             if 2 * cluster < inside {
                 let inside_before = inside;
-                while 4 * inside > 3 * inside_before && width > least {
+                while self.for_cuts > 0 && 4 * inside > 3 * inside_before && width > least {
                     monitor.checkpoint()?;
                     width *= 0.7;
                     inside = self.within(&whole, width)?;
@@ -129,14 +133,14 @@ impl Scout<'_> {
             }
             // The widest cluster that is spread over its own width.
             let mut narrow = NARROW_SHARE * width;
-            while narrow > least {
+            while self.for_cuts > 0 && narrow > least {
                 let narrower = self.within(&whole, NARROW_SHARE * narrow)?;
                 if 2 * narrower < cluster {
                     break;
                 }
                 (narrow, cluster) = (NARROW_SHARE * narrow, narrower);
             }
-            let (at, below) = self.count_beside(high - AROUND * narrow, 0.01 * narrow)?;
+            let (at, below) = self.spend(high - AROUND * narrow, 0.01 * narrow)?;
             if below > whole.from && below < to {
                 return Ok(Some((
                     Interval { high: at, to: below, ..whole },
@@ -150,6 +154,12 @@ impl Scout<'_> {
 
     /// How many eigenvalues lie within a distance of the upper end.
     fn within(&mut self, of: &Interval, distance: f64) -> Result<usize, HsimError> {
-        Ok(of.to.saturating_sub(self.count_beside(of.high - distance, 0.01 * distance)?.1))
+        Ok(of.to.saturating_sub(self.spend(of.high - distance, 0.01 * distance)?.1))
+    }
+
+    /// As [`Self::count_beside`], for cuts.
+    fn spend(&mut self, shift: f64, step: f64) -> Result<(f64, usize), HsimError> {
+        self.for_cuts = self.for_cuts.saturating_sub(1);
+        self.count_beside(shift, step)
     }
 }

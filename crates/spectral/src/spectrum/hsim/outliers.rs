@@ -9,7 +9,7 @@ use chladni_algebra::{PanelMatrix, SymbolicFactor};
 use chladni_base::Monitor;
 
 use super::HsimError;
-use super::cuts::{FEW, NARROW_SHARE, Part};
+use super::cuts::{FEW, Part};
 use super::kernel::Kernel;
 use super::lanczos::{self, Found, Leave, NUMBERS_FOR_CLUSTERS, Wanted, for_clusters, most, pairs_or_none};
 use super::level::Level;
@@ -19,6 +19,20 @@ use super::solve::Columns;
 /// The wanted pairs of a pencil without a known kernel, and what is known of them: Ritz pairs of one space, or of several, which are orthogonal to
 /// each other as far as they have converged. Nothing where a space breaks down or does not hold its part.
 pub(super) fn start(
+    of: (&Level, &SymbolicFactor),
+    kernel: &Kernel<'_>,
+    scout: &mut Scout<'_>,
+    wanted: Wanted,
+    monitor: &dyn Monitor,
+) -> Result<Option<(Found, Columns)>, HsimError> {
+    // A count may lie on an eigenvalue, as a shift may: another start serves then.
+    match of_one_or_several(of, kernel, scout, wanted, monitor) {
+        Err(HsimError::Numerical(_)) => Ok(None),
+        found => found,
+    }
+}
+
+fn of_one_or_several(
     (level, symbolic): (&Level, &SymbolicFactor),
     kernel: &Kernel<'_>,
     scout: &mut Scout<'_>,
@@ -28,7 +42,8 @@ pub(super) fn start(
     // What follows tells how far apart the last ones lie.
     let columns = wanted.columns.min(level.size());
     let mut window = None;
-    let single = if scout.is_semidefinite()? {
+    // Of a surface, where the lowest values lie is known about well enough without another factor.
+    let single = if !level.positions.is_empty() || scout.is_semidefinite()? {
         lanczos::start(level, symbolic, kernel, wanted, monitor)?
     } else {
         let Window { low, high, .. } = *window.insert(scout.window(columns, None, false, monitor)?);
@@ -42,7 +57,10 @@ pub(super) fn start(
             None => None,
         }
     };
-    if single.as_ref().is_some_and(|found| found.left == 0 && is_spread(&found.values, wanted.pairs)) {
+    // Where factors are dense, what cuts cost is worth it only where nothing else helps.
+    if let Some(found) = &single
+        && (!scout.is_sparse() || is_spread(&found.values, wanted.pairs))
+    {
         return Ok(single.map(|found| (found, Columns::Ritz)));
     }
     let Window { low, high, .. } = match window {
@@ -64,16 +82,22 @@ fn is_spread(values: &[f64], wanted: usize) -> bool {
     // Of a few, what follows tells more.
     let values = &values[..values.len().min(2 * wanted + FEW)];
     let Some(&last) = values.last() else { return true };
-    let mut half = values.len() / 2;
-    while half >= FEW {
+    let (mut half, fewest) = (values.len() / 2, if values.len() < 2 * MULTIPLET { FEW } else { MULTIPLET });
+    while half >= fewest {
         let [whole, upper] = [2 * half, half].map(|count| last - values[values.len() - count]);
-        if upper < NARROW_SHARE * whole {
+        if upper < CLUSTER * whole {
             return false;
         }
         half /= 2;
     }
     true
 }
+
+/// As many values may be one for reasons of symmetry.
+const MULTIPLET: usize = 8;
+
+/// Half of the values within this share of the range of all are a cluster that one shift does not serve.
+const CLUSTER: f64 = 1.0 / 16.0;
 
 /// So many columns beyond the wanted pairs are enough to go on with.
 const GUARDS: usize = 8;

@@ -95,11 +95,13 @@ pub(super) struct Scout<'a> {
     storage: Vec<f64>,
     /// What the count below zero said, once it was made.
     semidefinite: Option<bool>,
+    /// Counts that may still be made to find cuts.
+    pub for_cuts: usize,
 }
 
 impl<'a> Scout<'a> {
     pub fn new(level: &'a Level, symbolic: &'a SymbolicFactor) -> Self {
-        Self { level, symbolic, spread: level.spread(), storage: Vec::new(), semidefinite: None }
+        Self { level, symbolic, spread: level.spread(), storage: Vec::new(), semidefinite: None, for_cuts: 0 }
     }
 
     /// About the largest eigenvalue, or more.
@@ -199,7 +201,12 @@ impl<'a> Scout<'a> {
 
     /// How many counts a search may take.
     pub fn most_counts(&self) -> usize {
-        if self.symbolic.entries() <= SPARSE * self.level.size() { MOST_SPARSE } else { MOST }
+        if self.is_sparse() { MOST_SPARSE } else { MOST }
+    }
+
+    /// Whether factors are so sparse that many counts cost little.
+    pub fn is_sparse(&self) -> bool {
+        self.symbolic.entries() <= SPARSE * self.level.size()
     }
 
     /// A positive shift with about half of the lowest `wanted` eigenvalues below that are not those of the kernel; nothing where none is found, as
@@ -226,7 +233,7 @@ impl<'a> Scout<'a> {
         least: f64,
         monitor: &dyn Monitor,
     ) -> Result<Option<Shift<'a>>, HsimError> {
-        if self.symbolic.entries() > SPARSE * self.level.size() {
+        if !self.is_sparse() {
             return Ok(None);
         }
         let count = wanted as f64;
@@ -255,8 +262,7 @@ impl<'a> Scout<'a> {
         let spread = self.spread();
         let mut at = first.clamp(least * spread, spread);
         let (mut few, mut many): (Tried, Tried) = (None, None);
-        let is_sparse = self.symbolic.entries() <= SPARSE * self.level.size();
-        let most = match (is_sparse, target.enough == target.at_last) {
+        let most = match (self.is_sparse(), target.enough == target.at_last) {
             (true, true) => MOST_STRICTLY,
             (true, false) => MOST_SPARSE,
             (false, _) => MOST,
