@@ -7,6 +7,7 @@
 
 use chladni_algebra::{MassMatrix, Ordering, PanelMatrix, SparseMatrix, SymbolicFactor, fill_reducing_order};
 use chladni_base::Monitor;
+use chladni_base::notes::FALLBACKS;
 use chladni_mesh::TriangleMesh;
 
 use super::certify::Goal;
@@ -61,7 +62,16 @@ pub(in crate::spectrum) fn solve(
         monitor,
         mesh: TriangleMesh { positions: vec![[0.0; 3]; n], faces: Vec::new(), ..Default::default() },
     }
-    .solve(finest)
+    .solve_or_begin_again(finest)
+}
+
+/// What the columns begin from where the pencil is not solved densely.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Start {
+    /// Krylov spaces from shifts among the eigenvalues, where they hold what is wanted.
+    Spaces,
+    /// One from a shift below all eigenvalues.
+    Below,
 }
 
 /// What stays the same in every attempt.
@@ -86,7 +96,22 @@ impl Begun {
 }
 
 impl Bench<'_> {
-    fn solve(&self, mut finest: Finest) -> Result<Bare, HsimError> {
+    /// As [`Self::solve`]; where a start from spaces of several shifts leads nowhere, from one below all eigenvalues.
+    fn solve_or_begin_again(&self, finest: Finest) -> Result<Bare, HsimError> {
+        match self.solve(finest, Start::Spaces) {
+            Err(error) if error.is_of_the_iteration() => {
+                self.monitor.note(FALLBACKS, &format!("spaces of several shifts: {error}"));
+                self.monitor.stage("repair");
+                let finest = in_order(self.problem, self.parameters.wanted, self.monitor)?;
+                // What is told of the first start is worth more than that the second leads nowhere either.
+                self.solve(finest, Start::Below)
+                    .map_err(|again| if again.is_of_the_iteration() { error } else { again })
+            }
+            solved => solved,
+        }
+    }
+
+    fn solve(&self, mut finest: Finest, start: Start) -> Result<Bare, HsimError> {
         let n = finest.level.size();
         let (goal, wanted) = match aim(&finest, self.parameters.wanted, |bound| bound, known(&finest.level))? {
             Aim::Nothing(count) => {
@@ -95,7 +120,7 @@ impl Bench<'_> {
             }
             Aim::Pairs(goal, wanted) => (goal, wanted),
         };
-        let mut begun = self.begin(&mut finest, goal, wanted)?;
+        let mut begun = self.begin(&mut finest, (goal, wanted), start)?;
         let mut moved = self.distance(&finest, &begun, wanted);
         if moved != 0.0 && known(&finest.level) > 0 {
             // Zero is no end of what is wanted then: its vectors are columns like others.
@@ -110,7 +135,7 @@ impl Bench<'_> {
     }
 
     /// Ritz pairs beside the kernel, which is given up where it does not lie at the lower end.
-    fn begin(&self, finest: &mut Finest, goal: Goal, wanted: usize) -> Result<Begun, HsimError> {
+    fn begin(&self, finest: &mut Finest, (goal, wanted): (Goal, usize), start: Start) -> Result<Begun, HsimError> {
         let n = finest.level.size();
         loop {
             let kernel = known(&finest.level);
@@ -137,10 +162,12 @@ impl Bench<'_> {
             let HsimParameters { tolerance, seed, .. } = *self.parameters;
             let pairs = nontrivial(wanted, kernel, n);
             let (of, known) = ((&finest.level, &finest.symbolic), Kernel::new(&finest.level));
-            if let Some((values, vectors)) = null_space::start(of, &known, &mut scout, q, seed, self.monitor)? {
+            if start == Start::Spaces
+                && let Some((values, vectors)) = null_space::start(of, &known, &mut scout, q, seed, self.monitor)?
+            {
                 return Ok(Begun { values, vectors, columns: Columns::Solved });
             }
-            if lanczos::has_room(n, pairs, tolerance) {
+            if start == Start::Spaces && lanczos::has_room(n, pairs, tolerance) {
                 let wanted = lanczos::Wanted::lowest(n, pairs, q, tolerance, seed);
                 let found = if kernel == 0 {
                     outliers::start(of, &known, &mut scout, wanted, self.monitor)?
