@@ -7,6 +7,7 @@ export async function queue(site) {
   const { test, keep, opened, violations } = kit(site);
   const page = await site.open();
   const api = (path, init) => fetch(site.url + path, init).then((response) => (response.status === 204 ? null : response.json()));
+  // Of counts that take minutes, so that none is done before it is cancelled.
   const submit = (mesh, count) => api("/v1/jobs", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ kind: "eigenbasis", mesh, parameters: { count, method: "hsim", tolerance: 1e-9 } }) });
   const card = (id) => page.locator(`dialog.queue [data-job="${id}"]`);
   const gone = (id, state) => page.waitForFunction(([id, state]) => document.querySelector(`dialog.queue [data-job="${id}"]`)?.classList.contains(state), [id, state]);
@@ -22,7 +23,7 @@ export async function queue(site) {
       most.streams = Math.max(most.streams, open.size);
     });
     for (const event of ["requestfinished", "requestfailed"]) page.on(event, (request) => open.delete(request));
-    for (let k = 0; k < 8; k++) jobs.push(await submit(mesh, 300 + k));
+    for (let k = 0; k < 8; k++) jobs.push(await submit(mesh, 2000 + k));
     await page.getByRole("button", { name: /^Jobs/ }).click();
     for (const { id } of jobs) await card(id).waitFor();
     // How many run at once is the server's affair; as it says, so says the page.
@@ -43,7 +44,7 @@ export async function queue(site) {
 
   await test("what another client submits appears while one looks", async () => {
     const mesh = await page.evaluate(() => window.chladni.app.mesh.id);
-    const job = await submit(mesh, 320);
+    const job = await submit(mesh, 2020);
     await card(job.id).waitFor();
     jobs.push(job);
   });
