@@ -124,7 +124,7 @@ const CLUSTER: f64 = 1e-3;
 const NEXT_TO: f64 = 0.02;
 
 /// What is closer together than this share is one value, whatever lies around it.
-const ONE: f64 = 1e-9;
+const ONE: f64 = 1e-7;
 
 /// How far below a cluster its shift lies, relative to it.
 const BESIDE: f64 = 3e-3;
