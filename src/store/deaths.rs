@@ -154,8 +154,9 @@ impl Store {
         let mut detail = format!("{how} while the job ran{stage}; that is no attempt of the job");
         if suspicious {
             let (times, seconds) = (deaths.max(interruptions), pause.as_secs_f64().ceil());
-            detail +=
-                &format!(". It may be the cause ({times} by now): it is tried again after {seconds} s, and alone");
+            detail += &format!(
+                ". The job may be the cause, after {times} such ends: it is tried again in {seconds} s, alone"
+            );
         }
         let problem = JobProblem { kind: "worker-lost".to_owned(), detail };
         let not_before_ms = if suspicious { expiry(now_ms, pause) } else { now_ms };

@@ -1,4 +1,4 @@
-//! A potential that is positive everywhere, or negative: its value nearest to zero moves all eigenvalues and changes no eigenfunction.
+//! A potential that is positive everywhere, or far below zero: its least value moves all eigenvalues and changes no eigenfunction.
 //!
 //! It is taken off before anything is approximated. What pairs miss, and what is asked of them, is then relative to what tells them apart: beside a large
 //! constant, every function is an eigenfunction to many digits.
@@ -13,8 +13,8 @@ use crate::operator::MeshOperator;
 use crate::spectrum::certificate::KERNEL;
 use crate::spectrum::hsim::taken_off;
 
-/// The operator without the multiple of the mass that lies between zero and all sums of rows, and that multiple, on unit size; itself where there is
-/// none.
+/// The operator without the largest multiple of the mass that leaves no row with a negative sum, and that multiple, on unit size; itself where that is not
+/// taken off.
 pub(super) fn without_offset(operator: &MeshOperator) -> (Cow<'_, MeshOperator>, f64) {
     // A Laplacian has rows that sum to zero.
     let found =

@@ -15,9 +15,12 @@ const ROUNDINGS: f64 = 1e-12;
 /// A potential below this is far below zero: on unit size, tens of thousands of eigenvalues lie below its magnitude without it.
 const FAR_BELOW: f64 = -5e5;
 
-/// The stiffness without the multiple of the mass that lies between zero and all sums of rows, and that multiple: for the Laplacian plus a potential of one sign
-/// it is the value of the potential that is nearest to zero. Iterations and gaps are relative to what is left. Nothing where there is none, or where it
-/// is negative and some eigenvalues may be about zero: next to that, what is taken off says nothing of what a pair is to reach.
+/// A potential that varies by no more than this share of its distance from zero is a constant and something beside it.
+const BESIDE: f64 = 0.01;
+
+/// The stiffness without the largest multiple of the mass that leaves no row with a negative sum, and that multiple: for the Laplacian plus a potential it is
+/// the least value of the potential, and no eigenvalue of what is left is negative. Iterations and gaps are relative to that. Nothing where the multiple is
+/// not positive, unless all of the potential is far below zero: elsewhere some eigenvalues may be about zero, and what is asked of them is relative to themselves.
 pub(in crate::spectrum) fn taken_off(stiffness: &SparseMatrix, mass: &MassMatrix) -> Option<(SparseMatrix, f64)> {
     let lumped = mass.lumped();
     let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -27,9 +30,9 @@ pub(in crate::spectrum) fn taken_off(stiffness: &SparseMatrix, mass: &MassMatrix
         let potential = if sum.abs() > error { sum / mass } else { 0.0 };
         (least, most) = (least.min(potential), most.max(potential));
     }
-    let far_below = most < FAR_BELOW && most - least < most.abs();
-    let offset = if far_below { most } else { least.max(0.0) };
-    if !(offset != 0.0 && offset.is_finite()) {
+    let far_below = most < FAR_BELOW && most - least < BESIDE * most.abs();
+    let offset = least;
+    if !(offset.is_finite() && (offset > 0.0 || far_below)) {
         return None;
     }
     let mut values = stiffness.values().to_vec();

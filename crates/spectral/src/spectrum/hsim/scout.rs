@@ -25,7 +25,7 @@ const SPARSE: usize = 100;
 pub(super) const NARROW: f64 = 1e-9;
 
 /// How far below one eigenvalue of many vectors a shift lies, relative to it.
-const NARROW_ENOUGH: f64 = 1e-6;
+const BELOW_ONE: f64 = 1e-6;
 
 /// So many times the wanted number of eigenvalues are aimed at.
 const ABUNDANT: f64 = 1.6;
@@ -348,7 +348,7 @@ impl<'a> Scout<'a> {
             return Ok(None);
         }
         // Most of it is in one place.
-        self.shift_at(few.0 - (1e-3 * (part.high - part.low)).max(NARROW_ENOUGH * few.0.abs()), from)
+        self.shift_at(few.0 - (1e-3 * (part.high - part.low)).max(BELOW_ONE * few.0.abs()), from)
     }
 
     /// A shift that is given, if so many eigenvalues lie below.
