@@ -375,7 +375,8 @@ fn page(judged: &Judged, total: f64) -> String {
     let mut text = format!("{table}\n");
     for count in &outcome.counts {
         let claimed = count.claimed.map_or(String::new(), |claimed| format!(" (the basis says {})", grouped(claimed)));
-        text += &format!("{} eigenvalues lie below {}{claimed}\n", grouped(count.below), number(count.shift));
+        let lie = if count.below == 1 { "eigenvalue lies" } else { "eigenvalues lie" };
+        text += &format!("{} {lie} below {}{claimed}\n", grouped(count.below), number(count.shift));
     }
     if outcome.findings.is_empty() {
         text += "everything is as the basis says\n";
