@@ -4,6 +4,8 @@
 @group(0) @binding(9) var<storage, read> right: array<f32>;
 @group(0) @binding(10) var<storage, read> y: array<f32>;
 @group(0) @binding(11) var<storage, read_write> rest: array<f32>;
+// The same in double precision, if `exact` is not 0.
+@group(0) @binding(12) var<storage, read_write> left_exactly: array<{T}>;
 
 @compute @workgroup_size({THREADS})
 fn main(@builtin(workgroup_id) wg: vec3<u32>, @builtin(local_invocation_index) t: u32) {
@@ -23,6 +25,7 @@ fn main(@builtin(workgroup_id) wg: vec3<u32>, @builtin(local_invocation_index) t
     }
     let left = r - ay - shift * my;
     rest[place] = f32(left);
+    if (s.exact != 0u) { left_exactly[place] = left; }
     let w = weights[row];
     below += own * (r + left);
     size += abs(own * r) + abs(own * left);

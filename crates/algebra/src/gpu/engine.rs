@@ -40,6 +40,7 @@ impl Engine {
             self_test::test::<f64>(&device)?;
             self_test::measure::<f64>(&device)?;
             self_test::smoothing(&device, 41, 16)?;
+            self_test::trees(&device, 64)?;
         }
         if auto || !double {
             self_test::test::<f32>(&device)?;

@@ -44,6 +44,10 @@ pub(super) enum KernelName {
     Residuals,
     /// What is left of residuals, and the sums that enclose their norms.
     Enclosure,
+    /// How trees are eliminated.
+    Pivots,
+    /// What is left of residuals, through trees.
+    Trees,
     /// Where energy sits.
     Density,
 }
@@ -93,6 +97,8 @@ impl KernelName {
             Self::Smooth => "smooth",
             Self::Residuals => "residuals",
             Self::Enclosure => "enclosure",
+            Self::Pivots => "pivots",
+            Self::Trees => "trees",
             Self::Density => "density",
         }
     }
@@ -106,7 +112,9 @@ impl KernelName {
             Self::Sparse => &[true, true, true, true, false],
             Self::Smooth => &[true, true, true, true, true, true, true, false],
             Self::Residuals => &[true, true, true, true, true, true, true, false, true, true, false],
-            Self::Enclosure => &[true, true, true, true, true, true, true, false, true, true, true, false],
+            Self::Enclosure => &[true, true, true, true, true, true, true, false, true, true, true, false, false],
+            Self::Pivots => &[true, true, true, true, false],
+            Self::Trees => &[true, true, true, false, false],
             Self::Density => &[true, true, true, false],
         }
     }
@@ -127,6 +135,8 @@ impl KernelName {
             }),
             Self::Residuals => include_str!("residuals.wgsl").replace("{SUMS}", include_str!("sums.wgsl")),
             Self::Enclosure => include_str!("enclosure.wgsl").replace("{SUMS}", include_str!("sums.wgsl")),
+            Self::Pivots => include_str!("pivots.wgsl").to_owned(),
+            Self::Trees => include_str!("trees.wgsl").to_owned(),
             Self::Density => include_str!("density.wgsl").to_owned(),
         };
         text.replace("{T}", T::NAME).replace("{THREADS}", &VECTOR_THREADS.to_string())

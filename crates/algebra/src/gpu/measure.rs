@@ -14,6 +14,7 @@ use super::pair_sums::{EnclosureSums, Judge, MeasuredPairs, MeasuredPencil, Pair
 use super::recorder::Recorder;
 use super::resident::offsets;
 use super::sparse::DeviceSparse;
+use super::trees::DeviceTrees;
 use crate::{MassMatrix, SparseMatrix, WeightedMass};
 
 /// Columns at once: the most whose memory stays below [`MOST_BYTES`], or the last of these.
@@ -48,6 +49,8 @@ struct DevicePencil {
     masses: Buffer<f64>,
     /// One over the lumped mass of each row, and the weight of its rounding errors.
     weights: Buffer<f64>,
+    /// What measures what is left; the mass alone if there is none.
+    trees: Option<DeviceTrees>,
     entries: usize,
 }
 
@@ -76,7 +79,7 @@ pub(super) fn measure(
     let panels = Panels::new(device, n, d, width)?;
     let mut session = Session {
         device,
-        pencil: DevicePencil::new(device, pencil)?,
+        pencil: DevicePencil::new(device, pencil, width)?,
         cycle: DeviceCycle::new(device, pencil.stiffness, pencil.hierarchy, width)?,
         space: lifted_by(device, pairs.space, &panels.coefficients)?,
         panels,
@@ -89,8 +92,7 @@ pub(super) fn measure(
         monitor.checkpoint()?;
         let count = width.min(q - first);
         session.panels.fill(device, pencil, pairs, first, count)?;
-        let sigmas = panel_of(&pairs.sigmas[first..first + count], width, |&sigma| sigma as f32);
-        session.cycle.shift(device, &sigmas)?;
+        session.shift(&panel_of(&pairs.sigmas[first..first + count], width, |&sigma| sigma))?;
         #[cfg_attr(not(test), expect(unused_mut, reason = "tests spoil a sum"))]
         let (residuals, mut enclosures) = session.sums(first, count, judge)?;
         if let Some(weights) = judge.weights(first, &residuals, &enclosures) {
@@ -130,6 +132,17 @@ struct Session<'a> {
 }
 
 impl Session<'_> {
+    /// Sets σ for each column of a panel.
+    fn shift(&self, sigmas: &[f64]) -> Result<(), GpuError> {
+        let Self { device, pencil, cycle, monitor, .. } = self;
+        let single: Vec<f32> = sigmas.iter().map(|&sigma| sigma as f32).collect();
+        cycle.shift(device, &single)?;
+        let Some(trees) = &pencil.trees else { return Ok(()) };
+        let mut recorder = Recorder::new(device, *monitor);
+        trees.shift(&mut recorder, sigmas, &pencil.weights)?;
+        recorder.finish()
+    }
+
     /// The sums of the pairs in the panels, the first of which is `first`, after as many cycles as the judge asks for.
     fn sums(
         &mut self,
@@ -147,8 +160,7 @@ impl Session<'_> {
         let enclosing = pencil.enclosures(&mut recorder, panels)?;
         recorder.finish()?;
         let residuals: Vec<ResidualSums> = parts.read(device, count)?.into_iter().map(ResidualSums::of).collect();
-        let mut enclosures: Vec<EnclosureSums> =
-            enclosing.read(device, count)?.into_iter().map(EnclosureSums::of).collect();
+        let mut enclosures = enclosing.read(device, count)?;
         for _ in 1..judge.most_cycles() {
             if judge.is_close(first, &residuals, &enclosures) {
                 break;
@@ -158,7 +170,7 @@ impl Session<'_> {
             cycle.add_last(&mut recorder, &panels.y)?;
             let enclosing = pencil.enclosures(&mut recorder, panels)?;
             recorder.finish()?;
-            enclosures = enclosing.read(device, count)?.into_iter().map(EnclosureSums::of).collect();
+            enclosures = enclosing.read(device, count)?;
         }
         Ok((residuals, enclosures))
     }
@@ -308,10 +320,29 @@ impl<const N: usize> Parts<N> {
     }
 }
 
+/// The sums of an enclosure, and what trees make of one of them.
+struct Enclosing {
+    sums: Parts<{ EnclosureSums::COUNT }>,
+    by_trees: Option<Parts<1>>,
+}
+
+impl Enclosing {
+    /// Those of the first `count` columns.
+    fn read(&self, device: &Device, count: usize) -> Result<Vec<EnclosureSums>, GpuError> {
+        let mut sums: Vec<EnclosureSums> = self.sums.read(device, count)?.into_iter().map(EnclosureSums::of).collect();
+        if let Some(by_trees) = &self.by_trees {
+            sums.iter_mut().zip(by_trees.read(device, count)?).for_each(|(sums, [excess])| sums.excess = excess);
+        }
+        Ok(sums)
+    }
+}
+
 impl DevicePencil {
-    fn new(device: &Device, pencil: &MeasuredPencil<'_>) -> Result<Self, GpuError> {
-        let MeasuredPencil { stiffness, mass, lumped, rounding, .. } = pencil;
+    fn new(device: &Device, pencil: &MeasuredPencil<'_>, width: usize) -> Result<Self, GpuError> {
+        let MeasuredPencil { stiffness, mass, lumped, rounding, trees, .. } = pencil;
         let n = stiffness.rows();
+        let ratio = mass.lumped_ratio();
+        let trees = trees.as_ref().map(|trees| DeviceTrees::new(device, trees, ratio, width)).transpose()?;
         let (mass, masses) = match mass {
             MassMatrix::Sparse(mass) | MassMatrix::Weighted(WeightedMass { matrix: mass, .. }) => {
                 let starts = upload(device, &offsets(mass.offsets())?)?;
@@ -330,6 +361,7 @@ impl DevicePencil {
             masses,
             weights: upload(device, &weights)?,
             entries: stiffness.entries(),
+            trees,
         })
     }
 
@@ -344,14 +376,20 @@ impl DevicePencil {
     }
 
     /// What the corrections of a panel leave of them, and its sums.
-    fn enclosures(
-        &self,
-        recorder: &mut Recorder<'_>,
-        panels: &Panels,
-    ) -> Result<Parts<{ EnclosureSums::COUNT }>, GpuError> {
+    fn enclosures(&self, recorder: &mut Recorder<'_>, panels: &Panels) -> Result<Enclosing, GpuError> {
         let [right, y, rest] = [&panels.right, &panels.y, &panels.rest].map(DeviceMatrix::only);
-        let after = [panels.shifts.binding(), right?.binding(), y?.binding(), rest?.binding()];
-        self.sums(recorder, KernelName::Enclosure, &panels.y, &after)
+        // The pairs themselves are not needed any more: what is left of their residuals takes their place.
+        let left = panels.x.only()?.binding();
+        let after = [panels.shifts.binding(), right?.binding(), y?.binding(), rest?.binding(), left];
+        let sums = self.sums(recorder, KernelName::Enclosure, &panels.y, &after)?;
+        let by_trees = match &self.trees {
+            Some(trees) => {
+                let (sums, parts) = trees.gather(recorder, &panels.x)?;
+                Some(Parts { sums, parts, width: panels.x.columns() })
+            }
+            None => None,
+        };
+        Ok(Enclosing { sums, by_trees })
     }
 
     fn sums<T: super::real::Real, const N: usize>(
@@ -370,6 +408,7 @@ impl DevicePencil {
             groups: u32,
             part: u32,
             parts: u32,
+            exact: u32,
         }
         let (rows, width) = (of.rows(), of.columns());
         let device = recorder.device();
@@ -404,6 +443,7 @@ impl DevicePencil {
                 groups: groups as u32,
                 part: part as u32,
                 parts: parts as u32,
+                exact: u32::from(self.trees.is_some()),
             };
             let seconds = row_seconds * count as f64;
             recorder.dispatch(&kernel, &bound, bytemuck::bytes_of(&shape), (groups as u32, 1, 1), seconds)?;

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::error::GpuError;
-use super::pair_sums::{EnclosureSums, MeasuredPairs, MeasuredPencil, ResidualSums};
+use super::pair_sums::{EnclosureSums, MeasuredPairs, MeasuredPencil, MeasuredTrees, ResidualSums};
 use crate::{MassMatrix, SparseMatrix, WeightedMass};
 
 /// The largest difference, as a share of the sum of magnitudes.
@@ -14,6 +14,9 @@ const ROUNDING: f64 = 1e-14;
 
 const SUMS: usize = ResidualSums::COUNT;
 const ALL: usize = SUMS + EnclosureSums::COUNT;
+
+/// Where what is left is among the sums.
+const EXCESS: usize = SUMS + 2;
 
 /// Where the least and the greatest entry are among the sums.
 const LEAST: usize = 7;
@@ -63,16 +66,18 @@ pub(super) fn check(
     };
     let x: Vec<f64> = (0..y.len()).into_par_iter().map(lift).collect();
     let (theta, shift) = (pairs.values[pair], pairs.sigmas[pair] + pencil.floor);
+    let left = |row: usize| {
+        let ((ay, ay_size), (my, my_size)) = (row_of(pencil.stiffness, row, y), mass_row(pencil.mass, row, y));
+        let given = right[row];
+        (given - ay - shift * my, ROUNDING * (ay_size + shift * my_size + given.abs()))
+    };
     let row = |row: usize| {
         let (inverse, weight) = (1.0 / pencil.lumped[row], pencil.rounding[row]);
         let ((sx, sx_size), (mx, mx_size)) = (row_of(pencil.stiffness, row, &x), mass_row(pencil.mass, row, &x));
         let (own, r, noise) = (x[row], sx - theta * mx, ROUNDING * (sx_size + theta.abs() * mx_size));
-        let ((ay, ay_size), (my, my_size)) = (row_of(pencil.stiffness, row, y), mass_row(pencil.mass, row, y));
+        let (my, my_size) = mass_row(pencil.mass, row, y);
         let (given, own_y) = (right[row], y[row]);
-        let left = given - ay - shift * my;
-        let noise_y = ROUNDING * (ay_size + shift * my_size + given.abs());
-        let squared = |value: f64, noise: f64| (value * value, noise * (2.0 * value.abs() + noise));
-        let scaled = |(value, noise): (f64, f64), by: f64| (by * value, by * noise);
+        let (left, noise_y) = left(row);
         let terms: [(f64, f64); ALL] = [
             squared(r, noise),
             scaled(squared(r, noise), inverse),
@@ -94,7 +99,12 @@ pub(super) fn check(
             slack: terms.map(|(value, noise)| LARGEST_DIFFERENCE * value.abs() + noise),
         }
     };
-    let expected = (0..y.len()).into_par_iter().map(row).reduce(|| Sums::NONE, Sums::and);
+    let mut expected = (0..y.len()).into_par_iter().map(row).reduce(|| Sums::NONE, Sums::and);
+    if let Some(trees) = &pencil.trees {
+        let base = pairs.sigmas[pair] / pencil.mass.lumped_ratio();
+        let (value, noise) = by_trees(trees, |row| base * pencil.lumped[row], base, left);
+        (expected.values[EXCESS], expected.slack[EXCESS]) = (value, LARGEST_DIFFERENCE * value + noise);
+    }
     let found = residual.all().into_iter().chain(enclosure.all());
     let mut worst = 0.0f64;
     for ((found, expected), slack) in found.zip(expected.values).zip(expected.slack) {
@@ -105,6 +115,45 @@ pub(super) fn check(
         }
     }
     if worst > 0.0 { Err(GpuError::Wrong { residual: worst }) } else { Ok(()) }
+}
+
+fn squared(value: f64, noise: f64) -> (f64, f64) {
+    (value * value, noise * (2.0 * value.abs() + noise))
+}
+
+fn scaled((value, noise): (f64, f64), by: f64) -> (f64, f64) {
+    (by * value, by * noise)
+}
+
+/// What is `left` of each row, gathered from the leaves of the trees to their roots: the sum of the squares over the pivots, and what rounding may change of
+/// it. Rows are grounded by `ground`, and the sum is multiplied by `scale`.
+fn by_trees(
+    trees: &MeasuredTrees<'_>,
+    ground: impl Fn(usize) -> f64 + Sync,
+    scale: f64,
+    left: impl Fn(usize) -> (f64, f64) + Sync,
+) -> (f64, f64) {
+    let patch = |ends: &[u32]| {
+        let rows = ends[0] as usize..ends[1] as usize;
+        let mut grounds: Vec<f64> = rows.clone().map(&ground).collect();
+        let mut gathered: Vec<(f64, f64)> = rows.clone().map(&left).collect();
+        let mut sum = (0.0, 0.0);
+        for node in &trees.nodes[rows] {
+            let (row, parent, weight) = (node.row as usize, node.parent as usize, f64::from(node.weight));
+            let (value, noise) = gathered[row];
+            let pivot = grounds[row] + weight;
+            let term = scaled(squared(value, noise), scale / pivot);
+            sum = (sum.0 + term.0, sum.1 + term.1);
+            if parent != row {
+                let share = weight / pivot;
+                grounds[parent] += share * grounds[row];
+                gathered[parent].0 += share * value;
+                gathered[parent].1 += share * (noise + ROUNDING * value.abs());
+            }
+        }
+        sum
+    };
+    trees.patches.par_windows(2).map(patch).reduce(|| (0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1))
 }
 
 /// A row of a product, and the sum of the magnitudes of its terms.

@@ -13,6 +13,9 @@ struct Measured {
     coefficients: DenseMatrix,
     values: Vec<f64>,
     sigmas: Vec<f64>,
+    cycles: usize,
+    /// Whether what is left is measured by trees.
+    by_trees: bool,
 }
 
 impl Measured {
@@ -49,12 +52,20 @@ impl Measured {
             coefficients: DenseMatrix::from_columns(d, q, Numbers(q as u64).take(d * q)),
             values: (0..q).map(|pair| 0.01 * pair as f64).collect(),
             sigmas: (0..q).map(|pair| 0.02 + 0.01 * (pair / 16) as f64).collect(),
+            cycles: 3,
+            by_trees: false,
         }
     }
 
     fn on(&self, accelerator: &Accelerator, monitor: &dyn Monitor) -> Result<Option<PairSums>, Cancelled> {
         let hierarchy = Multigrid::new(&self.stiffness, &self.mass, 0.0, &Unwatched).unwrap();
         let (lumped, rounding) = (self.mass.lumped(), vec![1e-30; self.stiffness.rows()]);
+        // Rows of the grid, each a chain.
+        let patches = hierarchy.patches();
+        let starts: Vec<u32> =
+            patches.iter().map(|patch| patch.rows().start as u32).chain([lumped.len() as u32]).collect();
+        let nodes: Vec<TreeNode> = patches.iter().flat_map(|patch| self.chains(patch.rows())).collect();
+        let trees = MeasuredTrees { nodes: &nodes, patches: &starts };
         let pencil = MeasuredPencil {
             stiffness: &self.stiffness,
             mass: &self.mass,
@@ -62,6 +73,7 @@ impl Measured {
             rounding: &rounding,
             floor: 0.0,
             hierarchy: &hierarchy,
+            trees: self.by_trees.then_some(trees),
         };
         let pairs = MeasuredPairs {
             space: &self.space,
@@ -69,7 +81,21 @@ impl Measured {
             values: &self.values,
             sigmas: &self.sigmas,
         };
-        accelerator.measure(&pencil, &pairs, &Cycles(3), monitor)
+        accelerator.measure(&pencil, &pairs, &Cycles(self.cycles), monitor)
+    }
+
+    /// Each row hangs on the next one where an edge joins them.
+    fn chains(&self, rows: std::ops::Range<usize>) -> Vec<TreeNode> {
+        let node = |row: usize| {
+            let own = (row - rows.start) as u32;
+            let (columns, values) = self.stiffness.row(row);
+            let next = columns.iter().position(|&column| column as usize == row + 1 && row + 1 < rows.end);
+            match next {
+                Some(at) => TreeNode { row: own, parent: own + 1, weight: (-values[at] * (1.0 - 1e-7)) as f32 },
+                None => TreeNode { row: own, parent: own, weight: 0.0 },
+            }
+        };
+        rows.clone().map(node).collect()
     }
 
     fn residual(&self, pair: usize) -> Vec<f64> {
@@ -130,10 +156,37 @@ fn measured_residuals_are_those_of_the_definition_and_cycles_leave_next_to_nothi
 }
 
 #[test]
+fn trees_enclose_what_one_cycle_leaves_closer_than_masses_do() {
+    for consistent in [false, true] {
+        let Some(device) = open() else { return };
+        let accelerator = accelerator_of(device);
+        let mut case = Measured { cycles: 1, ..Measured::new(57, 70, consistent) };
+        let by_mass = case.on(&accelerator, &Unwatched).unwrap().unwrap();
+        case.by_trees = true;
+        let by_trees = case.on(&accelerator, &Unwatched).unwrap().unwrap();
+        assert_eq!((accelerator.fallbacks(), &by_mass.residuals), (0, &by_trees.residuals));
+        let ratio = case.mass.lumped_ratio();
+        for pair in [0, 35, 69] {
+            let (r, sigma) = (case.residual(pair), case.sigmas[pair]);
+            let mut matrix = case.stiffness.to_dense();
+            let mass = case.mass.to_dense();
+            matrix.values_mut().iter_mut().zip(mass.values()).for_each(|(a, m)| *a += sigma * m);
+            let mut solved = DenseMatrix::from_columns(r.len(), 1, r.clone());
+            crate::solve_definite(matrix, &mut solved).unwrap();
+            let exact: f64 = solved.column(0).iter().zip(&r).map(|(y, r)| y * r).sum();
+            let above = |sums: &PairSums| sums.enclosures[pair].below + ratio * sums.enclosures[pair].excess / sigma;
+            let [mass, trees] = [above(&by_mass), above(&by_trees)];
+            assert!(exact < trees * (1.0 + 1e-6), "pair {pair}: {exact} is above {trees}");
+            assert!(trees - exact < 0.7 * (mass - exact), "pair {pair}: {exact} {trees} {mass}");
+        }
+    }
+}
+
+#[test]
 fn a_card_that_sums_up_wrongly_or_goes_away_measures_nothing() {
     let Some(device) = open() else { return };
     let accelerator = accelerator_of(device);
-    let case = Measured::new(40, 20, false);
+    let case = Measured { by_trees: true, ..Measured::new(40, 20, false) };
     accelerator.inject(|faults| faults.refuse_memory_after(9));
     assert_eq!(case.on(&accelerator, &Unwatched).unwrap(), None);
     assert_eq!((accelerator.fallbacks(), accelerator.available()), (1, true));

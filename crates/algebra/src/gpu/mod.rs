@@ -47,6 +47,8 @@ mod sparse;
 #[cfg(feature = "gpu")]
 mod speeds;
 #[cfg(feature = "gpu")]
+mod trees;
+#[cfg(feature = "gpu")]
 mod triangle;
 #[cfg(feature = "gpu")]
 mod tridiagonal;
@@ -68,5 +70,7 @@ pub use accelerator::{Accelerator, accelerator, choose};
 pub use choice::GpuChoice;
 pub use engine::{Adapter, adapters};
 pub use error::GpuError;
-pub use pair_sums::{EnclosureSums, Judge, MeasuredPairs, MeasuredPencil, PairSums, ResidualSums};
+pub use pair_sums::{
+    EnclosureSums, Judge, MeasuredPairs, MeasuredPencil, MeasuredTrees, PairSums, ResidualSums, TreeNode,
+};
 pub use products::Resident;

@@ -17,6 +17,28 @@ pub struct MeasuredPencil<'a> {
     pub floor: f64,
     /// The hierarchy of `S + cM`.
     pub hierarchy: &'a Multigrid,
+    /// What is below `S + cM`, if it is known.
+    pub trees: Option<MeasuredTrees<'a>>,
+}
+
+/// Trees on the rows, each within a patch: the Laplacian of their edges is below the pencil's `S + cM`.
+#[derive(Debug, Clone, Copy)]
+pub struct MeasuredTrees<'a> {
+    /// Row by row in the order of elimination, children before what they hang on, patch after patch, `n`.
+    pub nodes: &'a [TreeNode],
+    /// The first row of each patch, and `n`.
+    pub patches: &'a [u32],
+}
+
+/// A row of a tree, and the one that it hangs on, numbered within the patch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TreeNode {
+    /// The row.
+    pub row: u32,
+    /// Its own number for a root.
+    pub parent: u32,
+    /// The weight of the edge between, no more than what it is in double precision; zero for a root.
+    pub weight: f32,
 }
 
 /// Pairs with values `θ` and vectors `X = U c`.
@@ -62,7 +84,8 @@ pub struct EnclosureSums {
     pub below: f64,
     /// The sum of the magnitudes of its terms.
     pub size: f64,
-    /// `‖e‖²` in the inverse lumped mass.
+    /// `‖e‖²` in the inverse lumped mass; where there are trees, with Laplacian `T`, in that of `T/m + lumped mass`, `m` = σ over the mass's
+    /// [`lumped_ratio`](MassMatrix::lumped_ratio).
     pub excess: f64,
     /// The squares of `y` by the weights of rounding errors.
     pub rounding: f64,

@@ -11,9 +11,11 @@ use super::kernel::{KernelName, Pass, VECTOR_THREADS};
 use super::matrix::{DeviceMatrix, read_values, upload, write_values};
 use super::multiply::{Form, multiply, transpose};
 use super::numbers::Numbers;
+use super::pair_sums::{MeasuredTrees, TreeNode};
 use super::real::Real;
 use super::recorder::Recorder;
 use super::sparse::DeviceSparse;
+use super::trees::DeviceTrees;
 use super::tridiagonal::Step;
 use super::twin::{self, Place};
 use crate::multigrid::Diagonal;
@@ -212,6 +214,37 @@ pub(super) fn smoothing(device: &Device, n: usize, width: usize) -> Result<(), G
         compare(KernelName::Smooth, n, &self::values(device, &panels[2])?, &expected)?;
     }
     Ok(())
+}
+
+/// Trees on three patches, through panels of `width` columns.
+pub(super) fn trees(device: &Device, width: usize) -> Result<(), GpuError> {
+    let mut numbers = Numbers(width as u64);
+    let patches = [0u32, 23, 24, 61];
+    // Rows hang on some of those behind them; every ninth is a root.
+    let node = |row: u32, size: u32| match (row + 1 < size && row % 9 != 4, row + 1 + row * 7 % 5) {
+        (true, parent) => TreeNode { row, parent: parent.min(size - 1), weight: 0.1 + 0.3 * (row % 4) as f32 },
+        (false, _) => TreeNode { row, parent: row, weight: 0.0 },
+    };
+    let nodes: Vec<TreeNode> = patches
+        .windows(2)
+        .flat_map(|ends| (0..ends[1] - ends[0]).map(move |row| node(row, ends[1] - ends[0])))
+        .collect();
+    let n = nodes.len();
+    let weights: Vec<f64> = (0..2 * n).map(|_| numbers.next::<f64>().abs() + 0.5).collect();
+    let sigmas: Vec<f64> = (0..width).map(|column| 0.2 + (column / 16) as f64).collect();
+    let left: Vec<f64> = numbers.take(n * width);
+    let measured = MeasuredTrees { nodes: &nodes, patches: &patches };
+    let on_device = DeviceTrees::new(device, &measured, 4.0, width)?;
+    let panel = matrix(device, n, width, &left)?;
+    let mut recorder = Recorder::new(device, &Unwatched);
+    on_device.shift(&mut recorder, &sigmas, &upload(device, &weights)?)?;
+    let (sums, parts) = on_device.gather(&mut recorder, &panel)?;
+    recorder.finish()?;
+    let sums = read_values(device, &sums, 0, parts * width)?;
+    let found: Vec<f64> = (0..width).map(|column| sums.iter().skip(column).step_by(width).sum()).collect();
+    let (expected, gathered) = twin::trees(&measured, 4.0, &weights, &sigmas, left);
+    compare(KernelName::Trees, n, &found, &expected)?;
+    compare(KernelName::Trees, n, &values(device, &panel)?, &gathered)
 }
 
 /// Measures how fast products are, for cutting them into dispatches and for choosing the faster side.

@@ -1,6 +1,6 @@
 // What kernels have in common that sum up rows column by column. A group sums up its rows; sum `v` of group `g` for column `k` lies at
 // (v * parts + g) * width + k.
-struct Shape { first: u32, end: u32, width: u32, groups: u32, part: u32, parts: u32 }
+struct Shape { first: u32, end: u32, width: u32, groups: u32, part: u32, parts: u32, exact: u32 }
 var<immediate> s: Shape;
 @group(0) @binding(0) var<storage, read> starts: array<u32>;
 @group(0) @binding(1) var<storage, read> columns: array<u32>;

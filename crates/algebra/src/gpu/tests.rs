@@ -142,6 +142,7 @@ fn every_kernel_agrees_with_its_twin_in_both_precisions() {
     }
     for width in [16, 32, 64] {
         self_test::smoothing(&device, 131, width).unwrap();
+        self_test::trees(&device, width).unwrap();
     }
     odd_sizes::<f32>(&device);
     odd_sizes::<f64>(&device);

@@ -3,6 +3,7 @@
 use super::cycle::Rows;
 use super::kernel::Pass;
 use super::multiply::Form;
+use super::pair_sums::MeasuredTrees;
 use super::real::Real;
 use super::tridiagonal::Step;
 use crate::multigrid::Diagonal;
@@ -98,6 +99,37 @@ pub(super) fn smooth(
             };
         }
     }
+}
+
+/// The kernels `pivots` and `trees`: for each column the sum of the squares over the pivots, and what is gathered. The lumped mass, one over the first of each
+/// two weights, is at most `ratio` times the mass.
+pub(super) fn trees(
+    trees: &MeasuredTrees<'_>,
+    ratio: f64,
+    weights: &[f64],
+    sigmas: &[f64],
+    mut left: Vec<f64>,
+) -> (Vec<f64>, Vec<f64>) {
+    let width = sigmas.len();
+    let mut sums = vec![0.0; width];
+    for (column, sigma) in sigmas.iter().enumerate() {
+        let base = sigma / ratio;
+        let mut grounds: Vec<f64> = weights.iter().step_by(2).map(|inverse| base / inverse).collect();
+        for ends in trees.patches.windows(2) {
+            for node in &trees.nodes[ends[0] as usize..ends[1] as usize] {
+                let [row, parent] = [node.row, node.parent].map(|row| (ends[0] + row) as usize);
+                let pivot = grounds[row] + f64::from(node.weight);
+                let share = f64::from(node.weight) / pivot;
+                let value = left[row * width + column];
+                sums[column] += base / pivot * value * value;
+                if parent != row {
+                    grounds[parent] += share * grounds[row];
+                    left[parent * width + column] += share * value;
+                }
+            }
+        }
+    }
+    (sums, left)
 }
 
 /// The work space of the reduction, by its parts.

@@ -14,6 +14,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::obtuse::Obtuse;
+use chladni_algebra::gpu::TreeNode;
 use chladni_algebra::{Patch, SparseMatrix};
 
 /// Row sums of a stiffness are zero up to so many times the rounding of its entries.
@@ -26,17 +27,7 @@ const STRONG: f64 = 0.25;
 #[derive(Debug)]
 pub(super) struct Forest {
     /// Row by row in the order of elimination, patch after patch.
-    nodes: Vec<Node>,
-}
-
-/// A row, and the one that it hangs on, numbered within the patch.
-#[derive(Debug, Clone, Copy)]
-struct Node {
-    row: u32,
-    /// Its own number for a root.
-    parent: u32,
-    /// The weight of the edge between, no more than what it is in double precision.
-    weight: f32,
+    nodes: Vec<TreeNode>,
 }
 
 /// How a row is eliminated.
@@ -70,8 +61,14 @@ impl Forest {
         if obtuse.is_none() && !(0..stiffness.rows()).into_par_iter().all(dominates) {
             return None;
         }
-        let trees: Vec<Vec<Node>> = patches.par_iter().map(|patch| nodes(stiffness, obtuse, patch.rows())).collect();
+        let trees: Vec<Vec<TreeNode>> =
+            patches.par_iter().map(|patch| nodes(stiffness, obtuse, patch.rows())).collect();
         Some(Self { nodes: trees.into_iter().flatten().collect() })
+    }
+
+    /// Row by row in the order of elimination, patch after patch; numbered within the patch.
+    pub(super) fn nodes(&self) -> &[TreeNode] {
+        &self.nodes
     }
 
     /// How the rows of a patch are eliminated, with `base` on the diagonal of each. Pivots are divided by `scale`.
@@ -122,7 +119,7 @@ struct Edge {
 }
 
 /// The rows of a patch in the order of elimination.
-fn nodes(stiffness: &SparseMatrix, obtuse: Option<&Obtuse>, rows: Range<usize>) -> Vec<Node> {
+fn nodes(stiffness: &SparseMatrix, obtuse: Option<&Obtuse>, rows: Range<usize>) -> Vec<TreeNode> {
     let (m, start) = (rows.len(), rows.start as u32);
     let mut edges = Vec::with_capacity(3 * m);
     for row in rows.clone() {
@@ -221,7 +218,7 @@ fn stars(edges: &mut Vec<Edge>, clusters: usize, kept: &mut Vec<Edge>) -> Vec<u3
 }
 
 /// Trees of so many rows by their edges, children before what they hang on.
-fn rooted(m: usize, edges: &[Edge]) -> Vec<Node> {
+fn rooted(m: usize, edges: &[Edge]) -> Vec<TreeNode> {
     let mut offsets = vec![0u32; m + 1];
     edges.iter().flat_map(|edge| edge.ends).for_each(|end| offsets[end as usize + 1] += 1);
     (0..m).for_each(|row| offsets[row + 1] += offsets[row]);
@@ -233,19 +230,19 @@ fn rooted(m: usize, edges: &[Edge]) -> Vec<Node> {
             next[from as usize] += 1;
         }
     }
-    let mut nodes: Vec<Node> = Vec::with_capacity(m);
+    let mut nodes: Vec<TreeNode> = Vec::with_capacity(m);
     let mut seen = vec![false; m];
     for root in 0..m {
         if std::mem::replace(&mut seen[root], true) {
             continue;
         }
         let mut at = nodes.len();
-        nodes.push(Node { row: root as u32, parent: root as u32, weight: 0.0 });
-        while let Some(&Node { row, .. }) = nodes.get(at) {
+        nodes.push(TreeNode { row: root as u32, parent: root as u32, weight: 0.0 });
+        while let Some(&TreeNode { row, .. }) = nodes.get(at) {
             for &(child, weight) in &beside[offsets[row as usize] as usize..offsets[row as usize + 1] as usize] {
                 if !std::mem::replace(&mut seen[child as usize], true) {
                     // Stored in single precision, it is a little less.
-                    nodes.push(Node { row: child, parent: row, weight: (weight * (1.0 - 1e-7)) as f32 });
+                    nodes.push(TreeNode { row: child, parent: row, weight: (weight * (1.0 - 1e-7)) as f32 });
                 }
             }
             at += 1;

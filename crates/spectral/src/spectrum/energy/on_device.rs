@@ -2,7 +2,9 @@
 
 use super::rows::PairResidual;
 use super::{Density, Energy, KernelAndGoal, MOST_STEPS, Measure};
-use chladni_algebra::gpu::{Accelerator, EnclosureSums, Judge, MeasuredPairs, MeasuredPencil, PairSums, ResidualSums};
+use chladni_algebra::gpu::{
+    Accelerator, EnclosureSums, Judge, MeasuredPairs, MeasuredPencil, MeasuredTrees, PairSums, ResidualSums,
+};
 use chladni_algebra::{CYCLE_WIDTH, DenseMatrix, SparseMatrix};
 use chladni_base::{Cancelled, Monitor};
 
@@ -59,6 +61,10 @@ impl Energy<'_> {
             return Ok(None);
         }
         let stiffness = self.ordered.get_or_init(|| self.problem.stiffness.reordered(&self.order));
+        let patches = self.hierarchy.patches();
+        let starts: Vec<u32> =
+            patches.iter().map(|patch| patch.rows().start as u32).chain([self.size() as u32]).collect();
+        let trees = self.forest.as_ref().map(|forest| MeasuredTrees { nodes: forest.nodes(), patches: &starts });
         let pencil = MeasuredPencil {
             stiffness,
             mass: &self.mass,
@@ -66,6 +72,7 @@ impl Energy<'_> {
             rounding: &self.rounding,
             floor: self.floor,
             hierarchy: &self.hierarchy,
+            trees,
         };
         let shifted = |ritz: &[f64]| std::iter::repeat_n(self.sigma(ritz, limits), ritz.len());
         let sigmas: Vec<f64> = ritz.chunks(CYCLE_WIDTH).flat_map(shifted).collect();
