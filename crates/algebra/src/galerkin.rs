@@ -4,7 +4,7 @@
 //! of their columns, so that a cell is a small dense product; products are added row by row of the result, always in the order of the
 //! cells. That makes the result independent of the number of threads, needs no locks, and lets dense kernels do the work.
 
-use chladni_base::{Cancelled, Monitor};
+use chladni_base::{Cancelled, Monitor, Spare};
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, MatMut, MatRef, Par};
 use rayon::prelude::*;
@@ -210,22 +210,25 @@ fn cell_products(
     let entries = space.entries().min(MOST_ENTRIES_A_ROW * space.rows());
     let budget = PRODUCTS_PER_ENTRY * entries + (1 << 22);
     let held = std::sync::atomic::AtomicUsize::new(0);
+    let spare = Spare::default();
     let products: Result<Vec<Option<Product>>, Cancelled> = cells
         .parts
         .par_iter()
-        .map_init(
-            || Workspace::new(space),
-            |workspace, part| {
-                monitor.checkpoint()?;
-                workspace.gather(space, stiffness, mass, &cells.rows[part.clone()]);
-                let numbers = 2 * workspace.columns.len() * workspace.columns.len();
-                // The order in which tasks arrive here may vary, but not whether the sum of all exceeds the budget.
-                if held.fetch_add(numbers, std::sync::atomic::Ordering::Relaxed) + numbers > budget {
-                    return Ok(None);
-                }
-                Ok(Some(workspace.product(space, stiffness, mass)))
-            },
-        )
+        .map(|part| {
+            monitor.checkpoint()?;
+            spare.with(
+                || Workspace::new(space),
+                |workspace| {
+                    workspace.gather(space, stiffness, mass, &cells.rows[part.clone()]);
+                    let numbers = 2 * workspace.columns.len() * workspace.columns.len();
+                    // The order in which tasks arrive here may vary, but not whether the sum of all exceeds the budget.
+                    if held.fetch_add(numbers, std::sync::atomic::Ordering::Relaxed) + numbers > budget {
+                        return Ok(None);
+                    }
+                    Ok(Some(workspace.product(space, stiffness, mass)))
+                },
+            )
+        })
         .collect();
     Ok(products?.into_iter().collect())
 }

@@ -403,7 +403,7 @@ impl Diagonal {
     fn of(matrix: &SparseMatrix, masses: &[f64], floor: f64) -> Self {
         let sum = |row: usize| matrix.row(row).1.iter().map(|value| value.abs()).sum::<f64>() as f32;
         Self {
-            sums: (0..masses.len()).map(sum).collect(),
+            sums: (0..masses.len()).into_par_iter().with_min_len(1 << 12).map(sum).collect(),
             mass: masses.iter().map(|&mass| mass as f32).collect(),
             floor: floor as f32,
         }

@@ -4,6 +4,7 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use chladni_base::Spare;
 use rayon::prelude::*;
 
 use super::{MassMatrix, SparseMatrix, WeightedMass};
@@ -42,8 +43,8 @@ pub struct SparseRows {
 
 impl SparseRows {
     /// All rows of `matrix`.
-    pub fn of<T: Copy + Into<f64>>(matrix: &SparseMatrix<T>) -> Self {
-        let entries = matrix.indices().iter().zip(matrix.values());
+    pub fn of<T: Copy + Into<f64> + Sync>(matrix: &SparseMatrix<T>) -> Self {
+        let entries = matrix.indices().par_iter().zip(matrix.values()).with_min_len(1 << 14);
         Self {
             offsets: matrix.offsets().iter().map(|&offset| offset as u32).collect(),
             entries: entries.map(|(&column, &value)| (column, value.into() as f32)).collect(),
@@ -158,22 +159,24 @@ pub fn patches(matrix: &SparseMatrix, mass: &MassMatrix) -> Vec<Patch> {
         }
     };
     let mut size = PATCH_ROWS;
+    // Numbers of all rows, none of which is left when a patch is done.
+    let spare = Spare::default();
+    let numbered = || vec![u32::MAX; n];
     loop {
         // Counting ends as soon as it is too much.
         let counted = AtomicUsize::new(0);
         let fits = size >= n
             || (0..n.div_ceil(size))
                 .into_par_iter()
-                .map_init(
-                    || vec![u32::MAX; n],
-                    |numbers, patch| {
-                        let rows = patch * size..n.min((patch + 1) * size);
-                        let left = (MOST_OVERLAP * n).saturating_sub(counted.load(Ordering::Relaxed));
+                .map(|patch| {
+                    let rows = patch * size..n.min((patch + 1) * size);
+                    let left = (MOST_OVERLAP * n).saturating_sub(counted.load(Ordering::Relaxed));
+                    spare.with(numbered, |numbers| {
                         let Some((vertices, _)) = grow(matrix, consistent, rows, left, numbers) else { return false };
                         vertices.iter().for_each(|&v| numbers[v as usize] = u32::MAX);
                         counted.fetch_add(vertices.len(), Ordering::Relaxed) + vertices.len() <= MOST_OVERLAP * n
-                    },
-                )
+                    })
+                })
                 .all(|fits| fits);
         if fits {
             break;
@@ -183,9 +186,8 @@ pub fn patches(matrix: &SparseMatrix, mass: &MassMatrix) -> Vec<Patch> {
     let size = size.min(n.max(1));
     (0..n.div_ceil(size))
         .into_par_iter()
-        .map_init(
-            || vec![u32::MAX; n],
-            |numbers, patch| {
+        .map(|patch| {
+            spare.with(numbered, |numbers| {
                 let rows = patch * size..n.min((patch + 1) * size);
                 let Some((vertices, ends)) = grow(matrix, consistent, rows.clone(), usize::MAX, numbers) else {
                     unreachable!("there is no limit")
@@ -198,8 +200,8 @@ pub fn patches(matrix: &SparseMatrix, mass: &MassMatrix) -> Vec<Patch> {
                 });
                 vertices.iter().for_each(|&v| numbers[v as usize] = u32::MAX);
                 Patch { rows, vertices, ends, matrix: local, values, mass }
-            },
-        )
+            })
+        })
         .collect()
 }
 

@@ -1,6 +1,8 @@
 //! The multigrid cycle of [`Multigrid`] on the device: the same levels, steps and factors, a panel of columns at a time. Where the CPU takes a patch
 //! through all steps while it is in the cache, a card takes all rows through each step.
 
+use rayon::prelude::*;
+
 use super::device::{Buffer, Device};
 use super::error::GpuError;
 use super::kernel::{KernelName, Pass, VECTOR_THREADS};
@@ -58,8 +60,9 @@ pub(super) struct Rows {
 
 impl Rows {
     fn of(rows: &SparseRows) -> Self {
-        let (columns, values) = rows.entries().iter().copied().unzip();
-        Self { starts: rows.offsets().to_vec(), columns, values }
+        let entries = rows.entries().par_iter().with_min_len(1 << 14);
+        let (columns, values) = (entries.clone().map(|entry| entry.0), entries.map(|entry| entry.1));
+        Self { starts: rows.offsets().to_vec(), columns: columns.collect(), values: values.collect() }
     }
 }
 
@@ -81,7 +84,7 @@ impl DeviceCycle {
         let rows = Rows {
             starts: super::resident::offsets(stiffness.offsets())?,
             columns: stiffness.indices().to_vec(),
-            values: stiffness.values().iter().map(|&value| value as f32).collect(),
+            values: stiffness.values().par_iter().with_min_len(1 << 14).map(|&value| value as f32).collect(),
         };
         let first = Level::new(device, rows, &finest.diagonal, width, false)?;
         let mut levels = vec![first];

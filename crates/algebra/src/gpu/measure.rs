@@ -2,6 +2,7 @@
 //! columns at a time, so that no more than a few numbers a column come back.
 
 use chladni_base::Monitor;
+use rayon::prelude::*;
 
 use super::cycle::DeviceCycle;
 use super::device::{Buffer, Device};
@@ -224,7 +225,7 @@ fn lifted_by(
     space: &SparseMatrix<f32>,
     coefficients: &DeviceMatrix<f64>,
 ) -> Result<DeviceSparse<f64>, GpuError> {
-    let values: Vec<f64> = space.values().iter().map(|&x| f64::from(x)).collect();
+    let values: Vec<f64> = space.values().par_iter().with_min_len(1 << 14).map(|&x| f64::from(x)).collect();
     DeviceSparse::new(device, space.columns(), &offsets(space.offsets())?, space.indices(), &values, coefficients)
 }
 

@@ -1,5 +1,9 @@
 //! What the functions of an approximation live on.
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use rayon::prelude::*;
+
 use chladni_mesh::{TetMesh, TriangleMesh};
 
 use super::heat::HeatParameters;
@@ -52,22 +56,27 @@ impl<'a> Domain<'a> {
 
     /// The square of the longest edge at each vertex.
     pub(super) fn longest_edges(self) -> Vec<f64> {
-        let mut longest = vec![0f64; self.positions().len()];
-        let mut edge = |a: u32, b: u32| {
+        const ELEMENTS: usize = 1 << 12;
+        // Of numbers that are not negative, the bits are in their order.
+        let longest: Vec<AtomicU64> = self.positions().par_iter().map(|_| AtomicU64::new(0)).collect();
+        let edge = |a: u32, b: u32| {
             let [p, q] = [a, b].map(|v| self.positions()[v as usize]);
             let square: f64 = p.iter().zip(&q).map(|(p, q)| (p - q) * (p - q)).sum();
             for v in [a, b] {
-                longest[v as usize] = longest[v as usize].max(square);
+                let longest = &longest[v as usize];
+                if square > f64::from_bits(longest.load(Ordering::Relaxed)) {
+                    longest.fetch_max(square.to_bits(), Ordering::Relaxed);
+                }
             }
         };
         match self {
-            Self::Surface(mesh) => mesh.faces.iter().for_each(|&[a, b, c]| {
+            Self::Surface(mesh) => mesh.faces.par_iter().with_min_len(ELEMENTS).for_each(|&[a, b, c]| {
                 [(a, b), (b, c), (c, a)].into_iter().for_each(|(a, b)| edge(a, b));
             }),
-            Self::Solid(solid) => solid.tetrahedra.iter().for_each(|&[a, b, c, d]| {
+            Self::Solid(solid) => solid.tetrahedra.par_iter().with_min_len(ELEMENTS).for_each(|&[a, b, c, d]| {
                 [(a, b), (a, c), (a, d), (b, c), (b, d), (c, d)].into_iter().for_each(|(a, b)| edge(a, b));
             }),
         }
-        longest
+        longest.into_iter().map(|bits| f64::from_bits(bits.into_inner())).collect()
     }
 }

@@ -7,7 +7,7 @@ use std::collections::{BinaryHeap, HashMap};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use chladni_algebra::SparseMatrix;
-use chladni_base::{Cancelled, Monitor};
+use chladni_base::{Cancelled, Monitor, Spare};
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::connectivity::Connectivity;
 use chladni_mesh::distance::{DistanceGeometry, DistanceKind, DistanceWorkspace};
@@ -338,29 +338,33 @@ impl Supports<'_> {
     fn grow(&mut self, which: &[u32], monitor: &dyn Monitor) -> Result<(), Cancelled> {
         let done = AtomicU32::new(0);
         let (geometry, profile, covered) = (&self.geometry, self.profile, &self.covered);
+        // A workspace is as large as the mesh.
+        let workspaces = Spare::default();
         let fresh = which
             .par_iter()
-            .map_init(
-                || DistanceWorkspace::new(geometry),
-                |workspace, &j| {
-                    monitor.checkpoint()?;
-                    let (sample, share) = self.centres[j as usize];
-                    let disk = workspace.local_distances(geometry, sample, share);
-                    let mut column = Vec::with_capacity(disk.len());
-                    for &(v, distance) in disk {
-                        let weight = profile.weight(distance / share);
-                        if weight > 0.0 {
-                            covered[v as usize].store(true, Ordering::Relaxed);
-                            column.push((v, weight));
+            .map(|&j| {
+                monitor.checkpoint()?;
+                let (sample, share) = self.centres[j as usize];
+                workspaces.with(
+                    || DistanceWorkspace::new(geometry),
+                    |workspace| {
+                        let disk = workspace.local_distances(geometry, sample, share);
+                        let mut column = Vec::with_capacity(disk.len());
+                        for &(v, distance) in disk {
+                            let weight = profile.weight(distance / share);
+                            if weight > 0.0 {
+                                covered[v as usize].store(true, Ordering::Relaxed);
+                                column.push((v, weight));
+                            }
                         }
-                    }
-                    let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-                    if done.is_multiple_of(32) {
-                        monitor.progress(f64::from(done) / which.len() as f64);
-                    }
-                    Ok(column)
-                },
-            )
+                        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                        if done.is_multiple_of(32) {
+                            monitor.progress(f64::from(done) / which.len() as f64);
+                        }
+                        Ok(column)
+                    },
+                )
+            })
             .collect::<Result<Vec<Column>, Cancelled>>()?;
         for (&j, column) in which.iter().zip(fresh) {
             self.columns[j as usize] = column;

@@ -94,25 +94,22 @@ impl Level {
 
     /// Levels that hold consecutive rows, as one.
     pub fn concatenate(parts: Vec<Self>) -> Self {
-        let entries = parts.iter().map(|part| part.neighbours.len()).sum();
-        let vertices = parts.iter().map(|part| part.diagonal.len()).sum();
-        let mut level = Self::empty();
-        level.offsets.reserve_exact(vertices);
-        level.diagonal.reserve_exact(vertices);
-        level.mass.reserve_exact(vertices);
-        level.neighbours.reserve_exact(entries);
-        level.weights.reserve_exact(entries);
-        level.lengths.reserve_exact(entries);
-        for part in parts {
-            let base = level.neighbours.len() as u32;
-            level.offsets.extend(part.offsets[1..].iter().map(|offset| base + offset));
-            level.neighbours.extend(part.neighbours);
-            level.weights.extend(part.weights);
-            level.lengths.extend(part.lengths);
-            level.diagonal.extend(part.diagonal);
-            level.mass.extend(part.mass);
+        let vertices: usize = parts.iter().map(|part| part.diagonal.len()).sum();
+        let mut offsets = Vec::with_capacity(vertices + 1);
+        let mut base = 0;
+        offsets.push(base);
+        for part in &parts {
+            offsets.extend(part.offsets[1..].iter().map(|offset| base + offset));
+            base += part.neighbours.len() as u32;
         }
-        level
+        Self {
+            offsets,
+            neighbours: joined(&parts, |part| &part.neighbours),
+            weights: joined(&parts, |part| &part.weights),
+            lengths: joined(&parts, |part| &part.lengths),
+            diagonal: joined(&parts, |part| &part.diagonal),
+            mass: joined(&parts, |part| &part.mass),
+        }
     }
 
     /// The number of vertices.
@@ -204,6 +201,21 @@ impl Level {
         }
         Ok(chunk)
     }
+}
+
+/// The lists of all parts, one after the other.
+fn joined<T: Copy + Default + Send + Sync>(parts: &[Level], list: impl Fn(&Level) -> &Vec<T>) -> Vec<T> {
+    let lists: Vec<&Vec<T>> = parts.iter().map(list).collect();
+    let mut all = vec![T::default(); lists.iter().map(|list| list.len()).sum()];
+    let mut free = all.as_mut_slice();
+    let mut targets = Vec::with_capacity(lists.len());
+    for list in lists {
+        let own;
+        (own, free) = std::mem::take(&mut free).split_at_mut(list.len());
+        targets.push((list, own));
+    }
+    targets.into_par_iter().for_each(|(list, own)| own.copy_from_slice(list));
+    all
 }
 
 fn lumped(mass: &MassMatrix, row: usize) -> f64 {

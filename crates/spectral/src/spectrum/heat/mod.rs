@@ -22,6 +22,8 @@ mod tests;
 
 use std::borrow::Borrow;
 
+use rayon::prelude::*;
+
 use super::radial::Grown;
 use crate::operator::{EigenProblem, LaplacianByRows};
 use chladni_algebra::SparseMatrix;
@@ -356,19 +358,34 @@ struct Peaks {
 }
 
 fn peaks(columns: &SparseMatrix<f32>) -> Result<Peaks, HeatError> {
-    let mut peaks = vec![u32::MAX; columns.columns()];
-    let mut heights = vec![0f32; columns.columns()];
-    for vertex in 0..columns.rows() {
-        let (indices, values) = columns.row(vertex);
-        let mut sum = 0.0;
-        for (&column, &value) in indices.iter().zip(values) {
-            sum += value;
-            if value > heights[column as usize] {
-                (heights[column as usize], peaks[column as usize]) = (value, vertex as u32);
+    const ROWS: usize = 1 << 16;
+    let (n, d) = (columns.rows(), columns.columns());
+    let part = |from: usize| {
+        let (mut peaks, mut heights) = (vec![u32::MAX; d], vec![0f32; d]);
+        for vertex in from..n.min(from + ROWS) {
+            let (indices, values) = columns.row(vertex);
+            let mut sum = 0.0;
+            for (&column, &value) in indices.iter().zip(values) {
+                sum += value;
+                if value > heights[column as usize] {
+                    (heights[column as usize], peaks[column as usize]) = (value, vertex as u32);
+                }
+            }
+            if !(sum > 0.0 && sum.is_finite()) {
+                return Err(HeatError::Uncovered { vertex });
             }
         }
-        if !(sum > 0.0 && sum.is_finite()) {
-            return Err(HeatError::Uncovered { vertex });
+        Ok(Peaks { vertices: peaks, heights })
+    };
+    let parts: Vec<Result<Peaks, HeatError>> =
+        (0..n.div_ceil(ROWS)).into_par_iter().map(|at| part(at * ROWS)).collect();
+    let (mut peaks, mut heights) = (vec![u32::MAX; d], vec![0f32; d]);
+    for part in parts {
+        let part = part?;
+        for column in 0..d {
+            if part.heights[column] > heights[column] {
+                (heights[column], peaks[column]) = (part.heights[column], part.vertices[column]);
+            }
         }
     }
     match peaks.iter().position(|&peak| peak == u32::MAX) {

@@ -12,7 +12,7 @@ use super::coarsen::Coarsening;
 use super::level::Level;
 use super::shrink::push_row;
 use chladni_algebra::SparseMatrix;
-use chladni_base::{Cancelled, Monitor};
+use chladni_base::{Cancelled, Monitor, Spare};
 
 /// Lanes are padded to a multiple of this.
 const WIDTH: usize = 16;
@@ -78,26 +78,26 @@ pub(super) fn rows(
     let blocks: Vec<&[u32]> =
         blocks.iter().map(Vec::as_slice).filter(|block| block.iter().any(|&v| smoothing.is_wanted(v))).collect();
     let done = AtomicUsize::new(0);
+    let scratch = || Scratch {
+        local: vec![u32::MAX; n],
+        lanes: vec![u32::MAX; columns.columns()],
+        seen: vec![0; columns.rows()],
+        stamp: 0,
+    };
+    let spare = Spare::default();
     let parts: Vec<Part> = blocks
         .par_iter()
-        .map_init(
-            || Scratch {
-                local: vec![u32::MAX; n],
-                lanes: vec![u32::MAX; columns.columns()],
-                seen: vec![0; columns.rows()],
-                stamp: 0,
-            },
-            |scratch, block| {
-                monitor.checkpoint()?;
-                let part = smoothing.block(block, scratch);
-                let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
-                if finished.is_multiple_of(16) {
-                    monitor.progress(finished as f64 / blocks.len() as f64);
-                }
-                Ok(part)
-            },
-        )
+        .map(|block| {
+            monitor.checkpoint()?;
+            let part = spare.with(scratch, |scratch| smoothing.block(block, scratch));
+            let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
+            if finished.is_multiple_of(16) {
+                monitor.progress(finished as f64 / blocks.len() as f64);
+            }
+            Ok(part)
+        })
         .collect::<Result<_, Cancelled>>()?;
+    drop(spare);
     monitor.checkpoint()?;
     Ok(assemble(n, columns.columns(), &blocks, parts))
 }
