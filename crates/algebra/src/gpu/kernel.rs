@@ -113,8 +113,8 @@ impl KernelName {
             Self::Smooth => &[true, true, true, true, true, true, true, false],
             Self::Residuals => &[true, true, true, true, true, true, true, false, true, true, false],
             Self::Enclosure => &[true, true, true, true, true, true, true, false, true, true, true, false, false],
-            Self::Pivots => &[true, true, true, true, false],
-            Self::Trees => &[true, true, true, false, false],
+            Self::Pivots => &[true, true, true, true, true, false, false],
+            Self::Trees => &[true, true, true, true, false, false],
             Self::Density => &[true, true, true, false],
         }
     }
