@@ -37,7 +37,7 @@ pub use measure::Measure;
 pub use obtuse::Cotangents;
 use obtuse::Obtuse;
 pub(super) use part::{PairShare, measures};
-use rows::{Enclosed, Enclosure, PairResidual, Residuals, Trees, rounding_weights};
+use rows::{Enclosed, Enclosure, PairResidual, Residuals, Trees, rounding_weights_of_symmetric};
 
 use crate::operator::EigenProblem;
 use chladni_algebra::gpu::{self, EnclosureSums, ResidualSums};
@@ -125,10 +125,14 @@ impl<'a> Energy<'a> {
         let lumped = mass.lumped();
         let floor = (-floor).max(0.0);
         let hierarchy = Multigrid::new(&stiffness, &mass, floor, monitor)?;
-        let rounding = rounding_weights(&stiffness, &lumped);
+        let rounding = rounding_weights_of_symmetric(&stiffness, &lumped);
         let obtuse = triangles.map(|triangles| Obtuse::of(triangles, problem, &order));
         let forest = Forest::below(&stiffness, &lumped, floor, hierarchy.patches(), obtuse.as_ref());
         let (own, ordered) = (order.len(), OnceLock::new());
+        if gpu::accelerator().available() {
+            // A device that is open will be asked, and would have it made again.
+            let _ = ordered.set(stiffness);
+        }
         Ok(Self { problem, order, mass, lumped, rounding, floor, hierarchy, forest, ordered, own, coupled: None })
     }
 

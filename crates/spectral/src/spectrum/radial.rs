@@ -489,16 +489,26 @@ impl Supports<'_> {
                 counts
             })
             .collect();
-        let mut offsets = Vec::with_capacity(n + 1);
-        let mut total = 0usize;
-        offsets.push(0);
-        for row in 0..n {
-            let mut length = 0;
-            for counts in &mut places {
-                length += std::mem::replace(&mut counts[row], length);
+        // Where each range begins in a row, and how long that is, for runs of rows.
+        let mut runs: Vec<(Vec<&mut [u32]>, &mut [usize])> = Vec::with_capacity(n.div_ceil(ROWS));
+        let mut offsets = vec![0usize; n + 1];
+        let mut counts: Vec<_> = places.iter_mut().map(|counts| counts.chunks_mut(ROWS)).collect();
+        for lengths in offsets[1..].chunks_mut(ROWS) {
+            runs.push((counts.iter_mut().filter_map(Iterator::next).collect(), lengths));
+        }
+        runs.into_par_iter().for_each(|(mut counts, lengths)| {
+            for (row, length) in lengths.iter_mut().enumerate() {
+                let mut end = 0;
+                for counts in &mut counts {
+                    end += std::mem::replace(&mut counts[row], end);
+                }
+                *length = end as usize;
             }
-            total += length as usize;
-            offsets.push(total);
+        });
+        let mut total = 0;
+        for offset in &mut offsets {
+            total += *offset;
+            *offset = total;
         }
         // Threads write to different places of the same rows; atomic cells allow that, and relaxed stores cost nothing.
         let indices: Vec<AtomicU32> = (0..total).map(|_| AtomicU32::new(0)).collect();

@@ -4,6 +4,7 @@ use super::forest::{Forest, Pivot, Pivots};
 use super::{Energy, MASS_ROUNDING, SINGLE};
 use chladni_algebra::gpu::{EnclosureSums, ResidualSums};
 use chladni_algebra::{CYCLE_WIDTH, CycleRow, LIFT_WIDTH, MassMatrix, Patch, SparseMatrix, vectorized};
+use rayon::prelude::*;
 
 /// What is enclosed on a patch.
 #[derive(Clone, Copy)]
@@ -262,13 +263,31 @@ fn lanes_of(row: &[f64; LIFT_WIDTH], half: usize) -> &[f64; CYCLE_WIDTH] {
 /// rounding errors of a sum as long as row `i`.
 pub(super) fn rounding_weights(stiffness: &SparseMatrix, lumped: &[f64]) -> Vec<f64> {
     let mut weights = vec![0.0; lumped.len()];
-    for (row, mass) in lumped.iter().enumerate() {
+    for row in 0..lumped.len() {
+        let share = share_of_row(stiffness, lumped, row);
         let (columns, values) = stiffness.row(row);
-        let unit = (columns.len() + 4) as f64 * f64::EPSILON;
-        let share = unit * unit * values.iter().map(|value| value.abs()).sum::<f64>() / mass;
         for (&column, value) in columns.iter().zip(values) {
             weights[column as usize] += share * value.abs();
         }
     }
     weights
+}
+
+/// The same of a symmetric matrix, whose columns are its rows.
+pub(super) fn rounding_weights_of_symmetric(stiffness: &SparseMatrix, lumped: &[f64]) -> Vec<f64> {
+    const ROWS: usize = 1 << 12;
+    let rows = || (0..lumped.len()).into_par_iter().with_min_len(ROWS);
+    let shares: Vec<f64> = rows().map(|row| share_of_row(stiffness, lumped, row)).collect();
+    let weight = |row: usize| {
+        let (columns, values) = stiffness.row(row);
+        columns.iter().zip(values).map(|(&column, value)| shares[column as usize] * value.abs()).sum()
+    };
+    rows().map(weight).collect()
+}
+
+/// `γ² Σ_j |S_ij| / m_i`
+fn share_of_row(stiffness: &SparseMatrix, lumped: &[f64], row: usize) -> f64 {
+    let (columns, values) = stiffness.row(row);
+    let unit = (columns.len() + 4) as f64 * f64::EPSILON;
+    unit * unit * values.iter().map(|value| value.abs()).sum::<f64>() / lumped[row]
 }
