@@ -2,10 +2,14 @@ use chladni_algebra::gpu::{Accelerator, GpuChoice};
 use chladni_algebra::{CpuSolver, SymmetricDefiniteSolver, compact_order, solve_definite};
 use chladni_base::Unwatched;
 use chladni_mesh::TriangleMesh;
+use chladni_mesh::shape::{Shape, generate, noisy};
 
 use super::*;
-use crate::operator::{MassKind, laplace};
+use crate::operator::{Boundary, MassKind, OperatorKind, OperatorParameters, assemble, laplace};
+use crate::spectrum::approximate::{ApproximationParameters, Space, ritz};
+use crate::spectrum::domain::Domain;
 use crate::spectrum::energy::KernelAndGoal;
+use crate::spectrum::heat::HeatParameters;
 
 /// A bumpy torus of `k × 2k` vertices.
 fn torus(k: u32) -> TriangleMesh {
@@ -193,6 +197,40 @@ fn a_graphics_card_measures_what_the_cpu_measures() {
         let total = |density: &Option<Vec<f64>>| density.as_ref().unwrap().iter().sum::<f64>();
         let (found, expected) = (total(&found_density), total(&density));
         assert!((found / expected - 1.0).abs() < 0.05, "{found} instead of {expected}");
+    }
+}
+
+#[test]
+fn a_graphics_card_encloses_pairs_as_closely_as_the_cpu_by_the_same_trees() {
+    let Some(accelerator) = accelerator() else { return };
+    // Obtuse triangles, several patches and levels.
+    let mesh = noisy(&generate(Shape::Torus, 7_000).unwrap(), 0.25, 3).unwrap();
+    for mass in [MassKind::Barycentric, MassKind::Consistent] {
+        let parameters = OperatorParameters { operator: OperatorKind::Auto, mass, boundary: Boundary::Neumann };
+        let operator = assemble(&mesh, &parameters, &Unwatched).unwrap();
+        let mut wanted = ApproximationParameters {
+            count: 40,
+            dimension: 120,
+            space: Space::Heat(HeatParameters::default()),
+            goal: None,
+            certify: false,
+            seed: 0,
+        };
+        let mut ritz = ritz(Domain::from(&mesh), &operator, &mut wanted, 40, &Unwatched).unwrap();
+        let (problem, pairs) = (&operator.problem, &ritz.pairs);
+        let energy = Energy::on(Some((&mesh).into()), problem, 0.0, &Unwatched).unwrap();
+        let (expected, _) =
+            energy.measure(&mut ritz.space, &pairs.vectors, &pairs.values, KERNEL, None, &Unwatched).unwrap();
+        let limits = KernelAndGoal { kernel: KERNEL, goal: None };
+        let space = energy.in_order(&ritz.space);
+        let (found, _) = energy
+            .measure_on_device(&accelerator, &space, &pairs.vectors, &pairs.values, limits, &Unwatched)
+            .unwrap()
+            .unwrap();
+        for (k, (found, expected)) in found.iter().zip(&expected).enumerate().skip(1) {
+            let [own, other] = [found, expected].map(|measure| measure.above / measure.below);
+            assert!(other < 2.0 && (own / other - 1.0).abs() < 1e-3, "{mass:?} {k}: {found:?} instead of {expected:?}");
+        }
     }
 }
 
