@@ -18,8 +18,13 @@ pub const MASSLESS: f64 = 1e-12;
 /// Rows that one task assembles. Fixed, so that results do not depend on the number of threads.
 const ROWS_PER_TASK: usize = 4096;
 
-/// Up to this many faces around a vertex its neighbours are found by looking through a list; beyond it they are sorted.
-const SHORT_RING: usize = 16;
+/// Up to this many faces around a vertex its neighbours are found by looking through a list; beyond it they are sorted. Points have each of some six
+/// triangles three times.
+const SHORT_RING: usize = 48;
+
+/// Entries that a row is given room for beforehand. There are at most two for each corner and one, and half of that on a surface, a sixth of it at points:
+/// room that is not needed has to be cleared all the same.
+const ENTRIES_OF_ROW: usize = 8;
 
 /// Triangles that cover a surface so many times.
 pub(super) struct Triangles<'a> {
@@ -91,7 +96,7 @@ fn assemble_rows(
     kind: MassKind,
     rows: std::ops::Range<usize>,
 ) -> Block {
-    let most = rows.len() + 2 * corners.count(&rows);
+    let most = (rows.len() + 2 * corners.count(&rows)).min(ENTRIES_OF_ROW * rows.len());
     let mut block = Block {
         lengths: Vec::with_capacity(rows.len()),
         indices: Vec::with_capacity(most),

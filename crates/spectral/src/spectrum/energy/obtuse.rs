@@ -4,6 +4,7 @@
 //! where the two edges of positive weight give away all but the share `x = c (a + b) / (ab)` of theirs: `xa · xb = c (xa + xb)`. A triangle without an
 //! obtuse angle gives away all that it has. So an edge may be taken for what its triangles give together.
 
+use chladni_base::Spare;
 use rayon::prelude::*;
 
 use crate::operator::{EigenProblem, laplace};
@@ -17,6 +18,18 @@ const ROUNDED: f64 = 1e-12;
 /// So many times the sum of its two positive half cotangents, a triangle's cotangents differ relatively where its corners come in another order: cross
 /// products err by rounding of the longest edge's square, which over the doubled area is twice that sum.
 const CORNERS: f64 = 128.0 * f64::EPSILON;
+
+/// Faces that one task looks at.
+const FACES: usize = 1 << 14;
+
+/// The faces from `from` to `to`, less copies of one before them and with all copies of the last.
+fn copies_of(faces: &[[u32; 3]], from: usize, to: usize) -> &[[u32; 3]] {
+    let beyond = |at: usize| match at.checked_sub(1) {
+        Some(last) => at + faces[at..].iter().take_while(|&face| *face == faces[last]).count(),
+        None => at,
+    };
+    &faces[beyond(from).min(beyond(to))..beyond(to)]
+}
 
 /// The triangles whose cotangents a stiffness is the sum of, but for rows of vertices that are held.
 #[derive(Debug, Clone, Copy)]
@@ -94,14 +107,29 @@ impl Obtuse {
             }
             changes
         };
-        let mut changes: Vec<Change> = match triangles {
-            Cotangents::Surface(_) => faces.par_iter().flat_map_iter(|face| changes(face, 1)).flatten().collect(),
-            Cotangents::Local { .. } => faces
-                .par_chunk_by(|a, b| a == b)
-                .flat_map_iter(|copies| changes(&copies[0], copies.len()))
-                .flatten()
-                .collect(),
-        };
+        // Copies of a triangle lie beside each other.
+        let alone = matches!(triangles, Cotangents::Surface(_));
+        let lists = Spare::default();
+        let parts: Vec<Box<[Change]>> = faces
+            .par_chunks(FACES)
+            .enumerate()
+            .map(|(part, own)| {
+                lists.with(Vec::new, |list: &mut Vec<Change>| {
+                    list.clear();
+                    if alone {
+                        list.extend(own.iter().flat_map(|face| changes(face, 1)).flatten());
+                    } else {
+                        // Each part takes the copies whose first is among its own.
+                        let own = copies_of(faces, part * FACES, part * FACES + own.len());
+                        list.extend(own.chunk_by(|a, b| a == b).flat_map(|all| changes(&all[0], all.len())).flatten());
+                    }
+                    list.as_slice().into()
+                })
+            })
+            .collect();
+        drop(lists);
+        let mut changes = parts.concat();
+        drop(parts);
         // By amount too, so that sums do not depend on the order of the faces.
         changes.par_sort_unstable_by(|a, b| a.ends.cmp(&b.ends).then(a.amount.total_cmp(&b.amount)));
         Self { changes }
@@ -129,5 +157,22 @@ impl OfRow<'_> {
             size += change.amount.abs();
         }
         sum - ROUNDED * size
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn copies_of_a_face_are_in_one_part_wherever_the_cuts_are() {
+        let faces: Vec<[u32; 3]> =
+            [1, 3, 2, 1, 4, 1, 1, 3].iter().zip(0..).flat_map(|(&n, f)| vec![[f; 3]; n]).collect();
+        for size in 1..=faces.len() {
+            let starts = (0..faces.len()).step_by(size);
+            let parts = starts.map(|from| copies_of(&faces, from, faces.len().min(from + size)));
+            let groups: Vec<usize> = parts.flat_map(|part| part.chunk_by(|a, b| a == b).map(<[_]>::len)).collect();
+            assert_eq!(groups, [1, 3, 2, 1, 4, 1, 1, 3], "parts of {size}");
+        }
     }
 }
