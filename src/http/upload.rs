@@ -134,7 +134,7 @@ impl Sent {
     }
 }
 
-/// That a name is not too long.
+/// That a name is not too long, and can be kept by every database: PostgreSQL has no U+0000.
 ///
 /// # Errors
 /// Of the given kind.
@@ -143,6 +143,7 @@ pub fn check_name(name: Option<&str>, kind: &'static Kind) -> Result<(), Problem
         Some(name) if name.chars().count() > LONGEST_NAME => {
             Err(Problem::new(kind, format!("name: must have at most {LONGEST_NAME} characters.")))
         }
+        Some(name) if name.contains('\0') => Err(Problem::new(kind, "name: must not contain the character U+0000.")),
         _ => Ok(()),
     }
 }

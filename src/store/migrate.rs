@@ -320,7 +320,11 @@ fn value(row: &Row, kind: &Kind) -> Result<Value, sqlx::Error> {
         "REAL" => Value::Real(row.try_get(name)?),
         // No column of these tables that holds bytes may lack them.
         "BLOB" => Value::Bytes(Some(row.try_get(name)?)),
-        _ => Value::Text(row.try_get(name)?),
+        // Older servers took the character U+0000 into names, which PostgreSQL's texts cannot hold.
+        _ => {
+            let text: Option<String> = row.try_get(name)?;
+            Value::Text(text.map(|text| text.replace('\0', "\u{fffd}")))
+        }
     })
 }
 
