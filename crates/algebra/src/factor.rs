@@ -12,7 +12,7 @@ use faer::sparse::linalg::cholesky::{
 use faer::sparse::{FaerError, SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{MatRef, Side};
 
-use chladni_base::Monitor;
+use chladni_base::{Cancelled, Monitor, Unwatched};
 use rayon::prelude::*;
 
 use super::factor_symbolic::{Lower, NOWHERE, supernodes};
@@ -69,6 +69,9 @@ pub enum FactorError {
         /// The first pivot that is zero or not finite.
         pivot: usize,
     },
+    /// The monitor asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }
 
 /// One supernode: columns with the same pattern below.
@@ -182,11 +185,27 @@ impl SymbolicFactor {
         shift: f64,
         storage: Vec<f64>,
     ) -> Result<Factor<'_>, FactorError> {
+        self.factor_watched(a, b, shift, storage, &Unwatched)
+    }
+
+    /// The same, given up within a supernode where the monitor asks for it, unless pivots are needed.
+    ///
+    /// # Errors
+    /// As for [`factor`](Self::factor), and [`FactorError::Cancelled`].
+    pub fn factor_watched(
+        &self,
+        a: &SparseMatrix,
+        b: &MassMatrix,
+        shift: f64,
+        storage: Vec<f64>,
+        monitor: &dyn Monitor,
+    ) -> Result<Factor<'_>, FactorError> {
         let (shifted, largest) = self.shifted(a, b, shift);
         let plain = match &self.plan {
-            Some(plan) => self.by_fronts(plan, &shifted, largest, storage),
+            Some(plan) => self.by_fronts(plan, &shifted, largest, storage, monitor),
             None => self.plain(&shifted, largest, storage),
         };
+        monitor.checkpoint()?;
         match plain {
             Ok(factor) if factor.growth <= LARGEST_GROWTH => Ok(factor),
             Ok(factor) => self.pivoted(&shifted, largest, factor.into_storage()),
@@ -291,11 +310,13 @@ impl SymbolicFactor {
         lower: &[f64],
         largest: f64,
         storage: Vec<f64>,
+        monitor: &dyn Monitor,
     ) -> Result<Factor<'_>, FactorError> {
         let mut values = self.storage(storage)?;
         let mut inverse = vec![0.0; self.size()];
-        let found = multifrontal::factor(self, plan, lower, (&mut values, &mut inverse))
-            .map_err(|_| FactorError::Singular { pivot: 0 })?;
+        let found = multifrontal::factor(self, plan, lower, (&mut values, &mut inverse), monitor);
+        monitor.checkpoint()?;
+        let found = found.map_err(|_| FactorError::Singular { pivot: 0 })?;
         let growth = if largest > 0.0 { found.growth / largest } else { found.growth };
         Ok(Factor { symbolic: self, values, inverse, pivoting: None, below: found.below, growth })
     }

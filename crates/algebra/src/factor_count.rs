@@ -4,6 +4,7 @@ use super::factor::{FactorError, LARGEST_GROWTH, SymbolicFactor};
 use super::factor_error::{enclosed, row_error};
 use super::multifrontal::{self, RowErrors};
 use super::{MassMatrix, SparseMatrix};
+use chladni_base::{Monitor, Unwatched};
 
 /// How many eigenvalues lie below a shift, and how far that can be trusted.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,16 +22,31 @@ impl SymbolicFactor {
     /// # Errors
     /// As for [`factor`](Self::factor).
     pub fn count(&self, a: &SparseMatrix, b: &MassMatrix, shift: f64) -> Result<EigenvalueCount, FactorError> {
+        self.count_watched(a, b, shift, &Unwatched)
+    }
+
+    /// The same, given up within a supernode where the monitor asks for it, unless pivots are needed.
+    ///
+    /// # Errors
+    /// As for [`factor_watched`](Self::factor_watched).
+    pub fn count_watched(
+        &self,
+        a: &SparseMatrix,
+        b: &MassMatrix,
+        shift: f64,
+        monitor: &dyn Monitor,
+    ) -> Result<EigenvalueCount, FactorError> {
         if let Some(plan) = &self.plan {
             let (shifted, largest) = self.shifted(a, b, shift);
             let ratio = row_error(a, b, shift);
             let errors = RowErrors { terms: self.terms(), ratio: &ratio };
-            let found = multifrontal::count(self, plan, &shifted, &errors);
+            let found = multifrontal::count(self, plan, &shifted, &errors, monitor);
+            monitor.checkpoint()?;
             if let Some(found) = found.ok().filter(|found| found.growth <= LARGEST_GROWTH * largest) {
                 return Ok(EigenvalueCount { below: found.below, uncertainty: enclosed(b, found.error) });
             }
         }
-        let factor = self.factor(a, b, shift)?;
+        let factor = self.factor_watched(a, b, shift, Vec::new(), monitor)?;
         Ok(EigenvalueCount { below: factor.eigenvalues_below(), uncertainty: factor.uncertainty(a, b, shift) })
     }
 

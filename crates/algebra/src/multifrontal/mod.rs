@@ -15,6 +15,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use chladni_base::Monitor;
 use rayon::prelude::*;
 
 use super::factor::{Node, SymbolicFactor};
@@ -66,6 +67,7 @@ struct Job<'a> {
     pieces: Option<Vec<Mutex<Piece<'a>>>>,
     errors: Option<&'a RowErrors<'a>>,
     stopped: AtomicBool,
+    monitor: &'a dyn Monitor,
     spare: Mutex<Vec<Workspace>>,
 }
 
@@ -95,12 +97,14 @@ struct Stack {
     waiting: Vec<(usize, usize)>,
 }
 
-/// Factors the matrix with these entries of the lower triangle into `values` and the diagonal of `D⁻¹`, which may both hold anything.
+/// Factors the matrix with these entries of the lower triangle into `values` and the diagonal of `D⁻¹`, which may both hold anything. Stops where the
+/// monitor asks for it, too.
 pub(super) fn factor(
     symbolic: &SymbolicFactor,
     plan: &Plan,
     lower: &[f64],
     (mut values, mut inverse): (&mut [f64], &mut [f64]),
+    monitor: &dyn Monitor,
 ) -> Result<Found, Stopped> {
     let pieces = plan.pieces.iter().map(|piece| {
         let nodes = &symbolic.nodes[piece.clone()];
@@ -110,7 +114,7 @@ pub(super) fn factor(
     });
     let pieces = Some(pieces.collect());
     let (stopped, spare) = (AtomicBool::new(false), Mutex::default());
-    let job = Job { symbolic, plan, lower, pieces, errors: None, stopped, spare };
+    let job = Job { symbolic, plan, lower, pieces, errors: None, stopped, monitor, spare };
     job.chain(&plan.root).map(|(_, found)| found)
 }
 
@@ -127,9 +131,10 @@ pub(super) fn count(
     plan: &Plan,
     lower: &[f64],
     errors: &RowErrors<'_>,
+    monitor: &dyn Monitor,
 ) -> Result<Found, Stopped> {
     let (stopped, spare) = (AtomicBool::new(false), Mutex::default());
-    let job = Job { symbolic, plan, lower, pieces: None, errors: Some(errors), stopped, spare };
+    let job = Job { symbolic, plan, lower, pieces: None, errors: Some(errors), stopped, monitor, spare };
     job.chain(&plan.root).map(|(_, found)| found)
 }
 
@@ -160,9 +165,7 @@ impl<'a> Job<'a> {
         let mut workspace = self.workspace();
         let mut memory = Vec::new();
         for &(at, piece) in &chain.nodes {
-            if self.stopped.load(Ordering::Relaxed) {
-                return Err(Stopped);
-            }
+            self.go_on()?;
             while let Some(update) = hanging.next_if(|update| self.plan.parent[update.node] as usize == at) {
                 children.push(update);
             }
@@ -183,9 +186,7 @@ impl<'a> Job<'a> {
         let mut found = Found::default();
         let mut updates = Vec::with_capacity(task.pieces.len());
         for &piece in &task.pieces {
-            if self.stopped.load(Ordering::Relaxed) {
-                return Err(Stopped);
-            }
+            self.go_on()?;
             let range = self.plan.pieces[piece].clone();
             found = found.and(self.subtree(range.clone(), piece, &mut workspace)?);
             updates.push(workspace.top(range.end - 1, self.below(range.end - 1), self.errors.is_some()));
@@ -352,6 +353,14 @@ impl<'a> Job<'a> {
             memory.resize(size, 0.0);
         }
         &mut memory[..size]
+    }
+
+    /// Ends where the factor is given up, elsewhere or by whoever watches.
+    fn go_on(&self) -> Result<(), Stopped> {
+        match self.stopped.load(Ordering::Relaxed) || self.monitor.checkpoint().is_err() {
+            true => Err(self.stop()),
+            false => Ok(()),
+        }
     }
 
     fn stop(&self) -> Stopped {

@@ -268,3 +268,36 @@ fn where_update_matrices_would_take_more_than_the_factor_there_are_none() {
     let count = symbolic.count(&matrix, &mass, 0.1).unwrap();
     assert_eq!(count.below, symbolic.factor(&matrix, &mass, 0.1).unwrap().eigenvalues_below());
 }
+
+/// Asks to stop from the checkpoint of some number on.
+struct StopsAt(std::sync::atomic::AtomicIsize);
+
+impl chladni_base::Monitor for StopsAt {
+    fn stage(&self, _: &'static str) {}
+    fn progress(&self, _: f64) {}
+    fn checkpoint(&self) -> Result<(), chladni_base::Cancelled> {
+        match self.0.fetch_sub(1, std::sync::atomic::Ordering::Relaxed) <= 0 {
+            true => Err(chladni_base::Cancelled),
+            false => Ok(()),
+        }
+    }
+}
+
+#[test]
+fn a_factor_is_given_up_where_that_is_asked_for() {
+    let matrix = ordered(&triangles(160, 150, 4), Ordering::NestedDissection);
+    let mass = MassMatrix::Diagonal(vec![1.0; matrix.rows()]);
+    let symbolic = SymbolicFactor::new(&matrix, &mass).unwrap();
+    let stops_at = |checkpoint| StopsAt(std::sync::atomic::AtomicIsize::new(checkpoint));
+    for checkpoint in [0, 1, 5, 20] {
+        let counted = symbolic.count_watched(&matrix, &mass, 0.41, &stops_at(checkpoint));
+        assert!(matches!(counted, Err(FactorError::Cancelled(_))), "{checkpoint}: {counted:?}");
+        let factor = symbolic.factor_watched(&matrix, &mass, 0.41, Vec::new(), &stops_at(checkpoint));
+        assert!(matches!(factor, Err(FactorError::Cancelled(_))), "{checkpoint}");
+    }
+    let never = stops_at(isize::MAX);
+    let counted = symbolic.count_watched(&matrix, &mass, 0.41, &never).unwrap();
+    assert_eq!(counted, symbolic.count(&matrix, &mass, 0.41).unwrap());
+    let asked = isize::MAX - never.0.into_inner();
+    assert!(asked > 20, "{asked} checkpoints");
+}

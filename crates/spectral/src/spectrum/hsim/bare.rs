@@ -113,13 +113,14 @@ impl Bench<'_> {
 
     fn solve(&self, mut finest: Finest, start: Start) -> Result<Bare, HsimError> {
         let n = finest.level.size();
-        let (goal, wanted) = match aim(&finest, self.parameters.wanted, |bound| bound, known(&finest.level))? {
-            Aim::Nothing(count) => {
-                let pairs = nothing(&self.mesh, self.problem, n, count, 0.0);
-                return Ok(Bare { pairs, moved: 0.0 });
-            }
-            Aim::Pairs(goal, wanted) => (goal, wanted),
-        };
+        let (goal, wanted) =
+            match aim(&finest, self.parameters.wanted, |bound| bound, known(&finest.level), self.monitor)? {
+                Aim::Nothing(count) => {
+                    let pairs = nothing(&self.mesh, self.problem, n, count, 0.0);
+                    return Ok(Bare { pairs, moved: 0.0 });
+                }
+                Aim::Pairs(goal, wanted) => (goal, wanted),
+            };
         let mut begun = self.begin(&mut finest, (goal, wanted), start)?;
         let mut moved = self.distance(&finest, &begun, wanted);
         if moved != 0.0 && known(&finest.level) > 0 {
@@ -154,7 +155,7 @@ impl Bench<'_> {
                 }
                 return Ok(Begun { values, vectors, columns: Columns::Solved });
             }
-            let mut scout = Scout::new(&finest.level, &finest.symbolic);
+            let mut scout = Scout::new(&finest.level, &finest.symbolic, self.monitor);
             let bound = match goal {
                 Goal::Below(bound) => Some(bound),
                 Goal::Count(_) => None,
@@ -188,7 +189,7 @@ impl Bench<'_> {
                 finest.level.component.fill(NO_KERNEL);
                 continue;
             }
-            let factor = window.factor_below(&finest.level, &finest.symbolic)?;
+            let factor = window.factor_below(&finest.level, &finest.symbolic, self.monitor)?;
             let kernel = Kernel::new(&finest.level);
             let (values, vectors) =
                 krylov::start(PanelMatrix::zeros(n, 0), &finest.level, &kernel, &factor, q, seed, self.monitor)?;

@@ -271,7 +271,7 @@ fn search(iteration: &mut Iteration<'_>, shift: f64, seed: u64) -> Result<usize,
     });
     let at = gap.map_or(middle, |pair| pair[0] + 0.382 * (pair[1] - pair[0]));
     let storage = iteration.storage();
-    let (at, factor) = factor_near(level, iteration.symbolic, at, iteration.spread, storage)?;
+    let (at, factor) = factor_near(level, iteration.symbolic, at, iteration.spread, storage, monitor)?;
     iteration.inertia.push(Count::of(level, at, &factor));
     let mut random = SplitMix64::new(seed ^ 0x6d15_5126);
     let width = PANEL_WIDTH.min(room);

@@ -196,12 +196,13 @@ impl<'a> Climb<'a> {
         self.monitor.stage("hierarchy");
         self.monitor.checkpoint()?;
         let (finest, above) = self.finest()?;
-        let (goal, wanted) = match aim(&finest, self.parameters.wanted, |bound| self.bound(bound), self.known)? {
-            Aim::Nothing(count) => {
-                return Ok(nothing(self.mesh, self.problem, self.base.size(), count, self.offset));
-            }
-            Aim::Pairs(goal, wanted) => (goal, wanted),
-        };
+        let (goal, wanted) =
+            match aim(&finest, self.parameters.wanted, |bound| self.bound(bound), self.known, self.monitor)? {
+                Aim::Nothing(count) => {
+                    return Ok(nothing(self.mesh, self.problem, self.base.size(), count, self.offset));
+                }
+                Aim::Pairs(goal, wanted) => (goal, wanted),
+            };
         let kernel = Kernel::new(&finest.level);
         let task = self.task(&finest, &kernel, goal, wanted);
         if self.takes_krylov_space(wanted)

@@ -124,7 +124,7 @@ impl<'a> Iteration<'a> {
 
     /// Counts the eigenvalues below a shift.
     pub fn count(&mut self, shift: f64) -> Result<Count, HsimError> {
-        let count = count_near(self.level, self.symbolic, shift, self.spread)?;
+        let count = count_near(self.level, self.symbolic, shift, self.spread, self.monitor)?;
         self.inertia.push(count);
         Ok(count)
     }
@@ -283,7 +283,7 @@ impl<'a> Iteration<'a> {
         if !self.kept.iter().any(|kept| kept.0 == shift) {
             self.release();
             let storage = self.storage();
-            let (at, factor) = factor_near(level, self.symbolic, shift, self.spread, storage)?;
+            let (at, factor) = factor_near(level, self.symbolic, shift, self.spread, storage, self.monitor)?;
             self.inertia.push(Count::of(level, at, &factor));
             self.kept.push((shift, factor));
         }
@@ -414,7 +414,7 @@ impl<'a> Iteration<'a> {
                 .zip(storage)
                 .map(|(group, storage)| {
                     monitor.checkpoint()?;
-                    factor_near(level, symbolic, group.shift, spread, storage)
+                    factor_near(level, symbolic, group.shift, spread, storage, monitor)
                 })
                 .collect::<Result<_, HsimError>>()?;
             let range = batch[0].panels.start..batch[batch.len() - 1].panels.end;
@@ -441,7 +441,7 @@ impl<'a> Iteration<'a> {
         for (Strays { columns: range, shift }, mut own) in apart {
             self.monitor.checkpoint()?;
             let storage = self.storage();
-            let (at, factor) = factor_near(self.level, self.symbolic, shift, self.spread, storage)?;
+            let (at, factor) = factor_near(self.level, self.symbolic, shift, self.spread, storage, self.monitor)?;
             let mut scratch = Vec::new();
             own.panels_mut().iter_mut().try_for_each(|panel| solve(&factor, panel, &mut scratch))?;
             columns.assign(&range.collect::<Vec<_>>(), &own);

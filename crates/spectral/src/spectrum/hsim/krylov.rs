@@ -28,8 +28,8 @@ pub(super) fn afresh(
     monitor: &dyn Monitor,
 ) -> Result<(Vec<f64>, PanelMatrix), HsimError> {
     let known = kernel.dimension();
-    let window = Scout::new(level, symbolic).window(columns + known, None, known > 0, monitor)?;
-    let factor = window.factor_below(level, symbolic)?;
+    let window = Scout::new(level, symbolic, monitor).window(columns + known, None, known > 0, monitor)?;
+    let factor = window.factor_below(level, symbolic, monitor)?;
     start(PanelMatrix::zeros(level.size(), 0), level, kernel, &factor, columns, seed, monitor)
 }
 

@@ -110,7 +110,7 @@ pub(super) fn start(
     monitor: &dyn Monitor,
 ) -> Result<Option<Found>, HsimError> {
     let of = (wanted.pairs, kernel.dimension());
-    let mut scout = Scout::new(level, symbolic);
+    let mut scout = Scout::new(level, symbolic, monitor);
     let Some(shift) = scout.middle(of, wanted.least_shift, monitor)? else { return Ok(None) };
     let found = pairs_or_none(level, symbolic, kernel, &shift, wanted, monitor)?;
     if found.is_some() {

@@ -291,6 +291,7 @@ impl Default for HsimParameters {
 impl From<chladni_algebra::FactorError> for HsimError {
     fn from(error: chladni_algebra::FactorError) -> Self {
         match error {
+            chladni_algebra::FactorError::Cancelled(cancelled) => Self::Cancelled(cancelled),
             chladni_algebra::FactorError::Promise { .. } => Self::Memory(error.to_string()),
             other => Self::Numerical(other.to_string()),
         }

@@ -38,7 +38,7 @@ pub(super) fn start(
     if dimension <= FEW || dimension > columns {
         return Ok(None);
     }
-    let (_, factor) = factor_near(level, symbolic, -zero, scout.spread(), Vec::new())?;
+    let (_, factor) = factor_near(level, symbolic, -zero, scout.spread(), Vec::new(), monitor)?;
     let room = level.size() - kernel.dimension();
     let mut random = SplitMix64::new(seed ^ 0x4e75_6c6c);
     // Some more: a square matrix of random numbers may be nearly singular.
@@ -55,6 +55,6 @@ pub(super) fn start(
         rotate(&mut vectors, &rotation, monitor)?;
     }
     let window = scout.window(columns + kernel.dimension(), None, true, monitor)?;
-    let factor = window.factor_below(level, symbolic)?;
+    let factor = window.factor_below(level, symbolic, monitor)?;
     krylov::start(vectors, level, kernel, &factor, columns, seed, monitor).map(Some)
 }

@@ -150,10 +150,11 @@ impl<'a> Parted<'a> {
             return unsuited("its pairs do not come from Krylov spaces of slices");
         }
         let finest = climb.finest_alone()?;
-        let (goal, wanted) = match aim(&finest, parameters.wanted, |bound| climb.bound(bound), climb.known)? {
-            Aim::Nothing(_) => return unsuited("no eigenvalue lies below the bound"),
-            Aim::Pairs(goal, wanted) => (goal, wanted),
-        };
+        let (goal, wanted) =
+            match aim(&finest, parameters.wanted, |bound| climb.bound(bound), climb.known, climb.monitor)? {
+                Aim::Nothing(_) => return unsuited("no eigenvalue lies below the bound"),
+                Aim::Pairs(goal, wanted) => (goal, wanted),
+            };
         // Some beyond the wanted ones, among which there is a gap to count in.
         let pairs = (climb.nontrivial(wanted) + TUNING.slices.beyond).min(climb.columns(wanted));
         let most = pairs / LEAST_PAIRS;
@@ -200,7 +201,7 @@ impl<'a> Parted<'a> {
         }
         monitor.stage("iterate");
         let kernel = Kernel::new(&self.finest.level);
-        let mut scout = Scout::new(&self.finest.level, &self.finest.symbolic);
+        let mut scout = Scout::new(&self.finest.level, &self.finest.symbolic, monitor);
         let (mut slices, mut memory) = (Vec::with_capacity(plan.slices), Vec::new());
         for slice in number * plan.slices..(number + 1) * plan.slices {
             match self.slice(slice, &kernel, &mut scout, &mut memory) {

@@ -76,7 +76,7 @@ impl Iteration<'_> {
     fn polish_from(&mut self, wanted: usize, tolerance: f64, reach: f64) -> Result<bool, HsimError> {
         let lowest = self.values.iter().copied().fold(0.0, f64::min);
         let storage = self.storage();
-        let (_, factor) = factor_near(self.level, self.symbolic, lowest - reach, self.spread, storage)?;
+        let (_, factor) = factor_near(self.level, self.symbolic, lowest - reach, self.spread, storage, self.monitor)?;
         let mut passed = false;
         for _ in 0..MOST {
             let mut pending = self.order();

@@ -64,14 +64,24 @@ pub(super) struct Window {
 
 impl Window {
     /// A factor at a shift below all eigenvalues, by a little of the window's width.
-    pub fn factor_below<'a>(&self, level: &Level, symbolic: &'a SymbolicFactor) -> Result<Factor<'a>, HsimError> {
-        Ok(self.shift_below(level, symbolic)?.factor)
+    pub fn factor_below<'a>(
+        &self,
+        level: &Level,
+        symbolic: &'a SymbolicFactor,
+        monitor: &dyn Monitor,
+    ) -> Result<Factor<'a>, HsimError> {
+        Ok(self.shift_below(level, symbolic, monitor)?.factor)
     }
 
     /// The same with its shift.
-    pub fn shift_below<'a>(&self, level: &Level, symbolic: &'a SymbolicFactor) -> Result<Shift<'a>, HsimError> {
+    pub fn shift_below<'a>(
+        &self,
+        level: &Level,
+        symbolic: &'a SymbolicFactor,
+        monitor: &dyn Monitor,
+    ) -> Result<Shift<'a>, HsimError> {
         let below = self.low - (self.high - self.low).abs() / 16.0;
-        let (at, factor) = factor_near(level, symbolic, below, level.spread(), Vec::new())?;
+        let (at, factor) = factor_near(level, symbolic, below, level.spread(), Vec::new(), monitor)?;
         Ok(Shift { at, factor, below: 0 })
     }
 }
@@ -91,6 +101,7 @@ pub(super) struct Target {
 pub(super) struct Scout<'a> {
     pub level: &'a Level,
     pub symbolic: &'a SymbolicFactor,
+    monitor: &'a dyn Monitor,
     spread: f64,
     storage: Vec<f64>,
     /// What the count below zero said, once it was made.
@@ -100,8 +111,9 @@ pub(super) struct Scout<'a> {
 }
 
 impl<'a> Scout<'a> {
-    pub fn new(level: &'a Level, symbolic: &'a SymbolicFactor) -> Self {
-        Self { level, symbolic, spread: level.spread(), storage: Vec::new(), semidefinite: None, for_cuts: 0 }
+    pub fn new(level: &'a Level, symbolic: &'a SymbolicFactor, monitor: &'a dyn Monitor) -> Self {
+        let (spread, storage) = (level.spread(), Vec::new());
+        Self { level, symbolic, monitor, spread, storage, semidefinite: None, for_cuts: 0 }
     }
 
     /// About the largest eigenvalue, or more.
@@ -111,7 +123,7 @@ impl<'a> Scout<'a> {
 
     /// The eigenvalues below a shift.
     pub fn count(&mut self, shift: f64) -> Result<usize, HsimError> {
-        Ok(shifts::count_near(self.level, self.symbolic, shift, self.spread())?.below)
+        Ok(shifts::count_near(self.level, self.symbolic, shift, self.spread(), self.monitor)?.below)
     }
 
     /// Whether no eigenvalue lies below zero, up to rounding.
@@ -276,7 +288,7 @@ impl<'a> Scout<'a> {
             }
             let enough = if attempt < SOME { &target.enough } else { &target.at_last };
             let storage = std::mem::take(&mut self.storage);
-            let (shift, factor) = match factor_near(self.level, self.symbolic, at, spread, storage) {
+            let (shift, factor) = match factor_near(self.level, self.symbolic, at, spread, storage, self.monitor) {
                 // On an eigenvalue of many vectors, such as the zero of an operator that is not semidefinite.
                 Err(HsimError::Numerical(_)) => return Ok(None),
                 factored => factored?,
@@ -304,7 +316,8 @@ impl<'a> Scout<'a> {
         }
         // Nothing lies between one eigenvalue of many vectors and nothing: of a few that are wanted a shift below will do.
         let Some((at, 0)) = few.filter(|_| *target.at_last.start() <= 1.0) else { return Ok(None) };
-        let (at, factor) = factor_near(self.level, self.symbolic, at, spread, std::mem::take(&mut self.storage))?;
+        let (at, factor) =
+            factor_near(self.level, self.symbolic, at, spread, std::mem::take(&mut self.storage), self.monitor)?;
         let below = factor.eigenvalues_below().saturating_sub(kernel);
         Ok(Some(Shift { at, factor, below }))
     }
@@ -328,7 +341,7 @@ impl<'a> Scout<'a> {
                 _ => 0.5,
             };
             let storage = std::mem::take(&mut self.storage);
-            let factored = factor_near(self.level, self.symbolic, few.0 + share * width, spread, storage);
+            let factored = factor_near(self.level, self.symbolic, few.0 + share * width, spread, storage, self.monitor);
             let (at, factor) = match factored {
                 Err(HsimError::Numerical(_)) => return Ok(None),
                 factored => factored?,
@@ -354,7 +367,7 @@ impl<'a> Scout<'a> {
     /// A shift that is given, if so many eigenvalues lie below.
     pub fn shift_at(&mut self, at: f64, below: usize) -> Result<Option<Shift<'a>>, HsimError> {
         let storage = std::mem::take(&mut self.storage);
-        let (at, factor) = factor_near(self.level, self.symbolic, at, self.spread(), storage)?;
+        let (at, factor) = factor_near(self.level, self.symbolic, at, self.spread(), storage, self.monitor)?;
         Ok((factor.eigenvalues_below() == below).then_some(Shift { at, factor, below }))
     }
 

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use chladni_algebra::{Factor, FactorError, PANEL_WIDTH, SymbolicFactor};
+use chladni_base::Monitor;
 
 use super::HsimError;
 use super::iterate::Plan;
@@ -139,8 +140,11 @@ pub(super) fn factor_near<'a>(
     shift: f64,
     spread: f64,
     mut storage: Vec<f64>,
+    monitor: &dyn Monitor,
 ) -> Result<(f64, Factor<'a>), HsimError> {
-    near(shift, spread, |at| symbolic.factor_in(&level.stiffness, &level.mass, at, std::mem::take(&mut storage)))
+    near(shift, spread, |at| {
+        symbolic.factor_watched(&level.stiffness, &level.mass, at, std::mem::take(&mut storage), monitor)
+    })
 }
 
 /// The eigenvalues below the shift, or below one beside it where it lies on an eigenvalue, by a factor that is not kept.
@@ -149,8 +153,9 @@ pub(super) fn count_near(
     symbolic: &SymbolicFactor,
     shift: f64,
     spread: f64,
+    monitor: &dyn Monitor,
 ) -> Result<Count, HsimError> {
-    let (shift, count) = near(shift, spread, |at| symbolic.count(&level.stiffness, &level.mass, at))?;
+    let (shift, count) = near(shift, spread, |at| symbolic.count_watched(&level.stiffness, &level.mass, at, monitor))?;
     Ok(Count { shift, below: count.below, radius: count.uncertainty })
 }
 

@@ -88,7 +88,7 @@ impl Slices<'_> {
     fn run(mut self) -> Result<Option<Sliced>, HsimError> {
         let (symbolic, total) = (self.symbolic, self.wanted.pairs);
         let Assembly { level, kernel, monitor, .. } = self.assembly;
-        let mut scout = Scout::new(level, symbolic);
+        let mut scout = Scout::new(level, symbolic, monitor);
         while self.assembly.values.len() < total {
             let (from, left) = (self.assembly.values.len(), total - self.assembly.values.len());
             let size = left as f64 / ((left as f64 / self.slice as f64).round().max(1.0));

@@ -94,7 +94,7 @@ impl Task<'_> {
             return Ok(None);
         }
         let found = if kernel.dimension() == 0 {
-            let mut scout = Scout::new(level, symbolic);
+            let mut scout = Scout::new(level, symbolic, monitor);
             outliers::start((level, symbolic), kernel, &mut scout, wanted, monitor)?
         } else {
             lanczos::start(level, symbolic, kernel, wanted, monitor)?.map(|found| (found, Columns::Ritz))
@@ -134,7 +134,7 @@ impl Task<'_> {
         if kernel.dimension() == 0 && !finest.level.positions.is_empty() {
             let HsimParameters { tolerance, seed, .. } = *self.parameters;
             let wanted = lanczos::Wanted::lowest(finest.level.size(), self.nontrivial, columns, tolerance, seed);
-            let mut scout = Scout::new(&finest.level, &finest.symbolic);
+            let mut scout = Scout::new(&finest.level, &finest.symbolic, monitor);
             let found = outliers::start(of, kernel, &mut scout, wanted, monitor)?;
             let solved = found.map(|(found, columns)| self.solve(found.vectors, found.values, None, columns));
             match solved {
@@ -287,12 +287,18 @@ pub(super) enum Aim {
 ///
 /// # Errors
 /// [`HsimError::Count`], where far more pairs lie below a bound than may be delivered; those of a factor.
-pub(super) fn aim(finest: &Finest, wanted: Wanted, of: impl Fn(f64) -> f64, kernel: usize) -> Result<Aim, HsimError> {
+pub(super) fn aim(
+    finest: &Finest,
+    wanted: Wanted,
+    of: impl Fn(f64) -> f64,
+    kernel: usize,
+    monitor: &dyn Monitor,
+) -> Result<Aim, HsimError> {
     let (bound, most) = match wanted {
         Wanted::Count(count) => return Ok(Aim::Pairs(Goal::Count(count), count)),
         Wanted::Below { bound, most } | Wanted::Between { to: bound, most, .. } => (of(bound), most),
     };
-    match estimate(finest, bound, kernel)? {
+    match estimate(finest, bound, kernel, monitor)? {
         Estimate::Nothing(count) => Ok(Aim::Nothing(count)),
         Estimate::About(wanted) if wanted > most.saturating_add(wanted.min(SLACK)) => {
             Err(HsimError::Count { wanted, most })
@@ -310,9 +316,9 @@ enum Estimate {
 }
 
 /// `kernel` is the dimension of the kernel that is known exactly.
-fn estimate(finest: &Finest, bound: f64, kernel: usize) -> Result<Estimate, HsimError> {
+fn estimate(finest: &Finest, bound: f64, kernel: usize, monitor: &dyn Monitor) -> Result<Estimate, HsimError> {
     let (level, spread) = (&finest.level, finest.level.spread());
-    let count = |at: f64| count_near(level, &finest.symbolic, at, spread);
+    let count = |at: f64| count_near(level, &finest.symbolic, at, spread, monitor);
     let at = count(bound)?;
     if at.below == 0 {
         let above = count(bound + 3.0 * at.radius.min(spread))?;

@@ -56,7 +56,7 @@ impl Uncertain<'_> {
             return Ok((None, storage));
         }
         monitor.checkpoint()?;
-        let factor = match symbolic.factor_in(&level.stiffness, &level.mass, -self.shift, storage) {
+        let factor = match symbolic.factor_watched(&level.stiffness, &level.mass, -self.shift, storage, monitor) {
             Err(FactorError::Singular { .. }) => return Ok((None, Vec::new())),
             factor => factor?,
         };

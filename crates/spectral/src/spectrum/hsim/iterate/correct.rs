@@ -171,7 +171,7 @@ impl<'a> Iteration<'a> {
                 .zip(storage)
                 .map(|((shift, panel), storage)| {
                     monitor.checkpoint()?;
-                    let (at, factor) = factor_near(level, symbolic, *shift, spread, storage)?;
+                    let (at, factor) = factor_near(level, symbolic, *shift, spread, storage, monitor)?;
                     factor.solve_panel(panel);
                     kernel.remove_from_panel(panel);
                     Ok((at, factor))
