@@ -99,6 +99,27 @@ pub(super) async fn equal_meshes_that_arrive_at_once_are_one() {
     assert_eq!(blobs, 1);
 }
 
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+pub(super) async fn an_upload_is_stored_whoever_deletes_the_same_mesh_meanwhile() {
+    let (store, _folder) = store().await;
+    let deletes = tokio::spawn({
+        let store = store.clone();
+        async move {
+            loop {
+                let listed = store.meshes_named(None, &PageRequest::default()).await.unwrap();
+                for record in listed.items {
+                    let _ = store.delete_mesh(&record.id, false).await;
+                }
+            }
+        }
+    });
+    for _ in 0..60 {
+        let stored = store.add_mesh(mesh(4, 30)).await.unwrap();
+        assert_eq!(stored.record.vertices, 30);
+    }
+    deletes.abort();
+}
+
 #[tokio::test]
 pub(super) async fn a_mesh_in_use_is_deleted_only_with_what_uses_it() {
     let (store, _folder) = store().await;

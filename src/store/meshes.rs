@@ -74,8 +74,7 @@ impl Store {
             faces: new.mesh.faces.len(),
             report: new.report,
         };
-        let (id, created) = self.add_source(content, source).await?;
-        Ok(Stored { record: self.mesh(&id).await?, created })
+        self.stored_source(content, source, |store, id| async move { store.mesh(&id).await }).await
     }
 
     /// A mesh by its identifier.

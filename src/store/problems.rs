@@ -33,8 +33,7 @@ impl Store {
                 faces: 0,
                 report,
             };
-            let (id, created) = store.add_source(content, source).await?;
-            Ok(Stored { record: store.problem(&id).await?, created })
+            store.stored_source(content, source, |store, id| async move { store.problem(&id).await }).await
         })
         .await
     }

@@ -116,6 +116,7 @@ both!(
     content: a_mesh_is_stored_once_and_comes_back_whole,
         fields_are_kept_once_and_go_with_their_mesh_or_their_basis,
         equal_meshes_that_arrive_at_once_are_one,
+        an_upload_is_stored_whoever_deletes_the_same_mesh_meanwhile,
         a_mesh_in_use_is_deleted_only_with_what_uses_it,
         pages_are_stable_while_rows_arrive,
         ranges_of_a_blob_are_exact_across_chunks,

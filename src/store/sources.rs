@@ -11,7 +11,7 @@ use serde_json::Value;
 use uuid::Uuid;
 
 use super::{
-    JobRecord, PartSource, Store, StoreError, blobs, collection, meshes, part_source::Elsewhere, sql, to_json,
+    JobRecord, PartSource, Store, StoreError, Stored, blobs, collection, meshes, part_source::Elsewhere, sql, to_json,
 };
 
 /// Digits of an identifier: 128 bits of the hash of the content.
@@ -169,19 +169,43 @@ pub(super) fn read_matrices(bytes: &[u8]) -> Result<Matrices, String> {
     Matrices::of_parts(stiffness, diagonal, mass).map_err(|error| error.to_string())
 }
 
+/// How often a source is stored again that is deleted before its record is read.
+const MOST_DELETED: usize = 100;
+
 impl Store {
+    /// Stores a source, or finds it where the same content is known, and reads its record. One that somebody deletes in between is stored again: whoever
+    /// uploads has what it takes, and is not to be told that there is no such thing.
+    pub(super) async fn stored_source<R, F>(
+        &self,
+        content: Bytes,
+        new: NewSource,
+        record: impl Fn(Store, String) -> F,
+    ) -> Result<Stored<R>, StoreError>
+    where
+        F: Future<Output = Result<R, StoreError>>,
+    {
+        let mut tries = 0;
+        loop {
+            let (id, created) = self.add_source(&content, &new).await?;
+            match record(self.clone(), id).await {
+                Err(StoreError::NotFound { .. }) if tries < MOST_DELETED => tries += 1,
+                found => return Ok(Stored { record: found?, created }),
+            }
+        }
+    }
+
     /// Stores a source, or finds it where the same content is known; content that was damaged is written anew. Gives its identifier, and whether it
     /// is new.
-    pub(super) async fn add_source(&self, content: Bytes, new: NewSource) -> Result<(String, bool), StoreError> {
-        let hash = blobs::hash_of(&content).await?;
+    async fn add_source(&self, content: &Bytes, new: &NewSource) -> Result<(String, bool), StoreError> {
+        let hash = blobs::hash_of(content).await?;
         let id = hash[..ID_DIGITS].to_owned();
         let _in_use = self.inner.blob_use.read().await;
         if self.knows_source(&id).await? {
-            self.put_blob(&hash, &content).await?;
+            self.put_blob(&hash, content).await?;
             self.use_mesh(&id);
             return Ok((id, false));
         }
-        self.put_blob(&hash, &content).await?;
+        self.put_blob(&hash, content).await?;
         let reached = self.content_generation().await?;
         let mut transaction = self.inner.catalog.write().await?;
         transaction.remember(reached).await?;

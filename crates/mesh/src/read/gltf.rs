@@ -1,6 +1,6 @@
 //! glTF 2.0: binary (GLB), or JSON with its buffers inside.
 //!
-//! All triangles of all nodes, in the coordinates of the scene, whichever scene they belong to. Points are read as points; lines, skins, morph
+//! All triangles of the nodes of the default scene, in its coordinates; of all nodes where none is named. Points are read as points; lines, skins, morph
 //! targets and animations are passed over, and so is whatever a surface is coloured with.
 
 use std::borrow::Cow;
@@ -36,11 +36,19 @@ pub(super) fn is_json(bytes: &[u8]) -> bool {
 #[serde(default, rename_all = "camelCase")]
 pub(super) struct Document {
     extensions_required: Vec<String>,
+    pub scene: Option<usize>,
+    pub scenes: Vec<Scene>,
     pub nodes: Vec<Node>,
     pub meshes: Vec<Mesh>,
     accessors: Vec<Accessor>,
     buffer_views: Vec<View>,
     buffers: Vec<Buffer>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+pub(super) struct Scene {
+    pub nodes: Vec<usize>,
 }
 
 #[derive(Deserialize, Default)]
@@ -105,7 +113,7 @@ struct Buffer {
 /// Extensions that change nothing about where triangles are; files that require others are refused.
 const HARMLESS: [&str; 3] = ["KHR_materials_", "KHR_texture_", "KHR_lights_"];
 
-/// Reads the triangles of all nodes. Vertices of different primitives are different ones, as the format has it.
+/// Reads the triangles of the default scene's nodes. Vertices of different primitives are different ones, as the format has it.
 pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
     let (json, binary) = if bytes.starts_with(MAGIC) { chunks(bytes)? } else { (bytes, None) };
     let objects = json.iter().filter(|&&byte| byte == b'{').count();
@@ -347,6 +355,20 @@ mod tests {
     }
 
     #[test]
+    fn nodes_of_other_scenes_are_left_out() {
+        let text = include_str!("data/strip-and-fan.gltf").split_whitespace().collect::<String>();
+        let of = |scenes: &str| {
+            let text = text.replacen("\"scene\":0,\"scenes\":[{\"nodes\":[0,1]}]", scenes, 1);
+            read(text.as_bytes(), &ReadLimits::default()).unwrap().faces.len()
+        };
+        // The second root has its mesh below it.
+        let each =
+            [0, 1].map(|scene| of(&format!("\"scene\":{scene},\"scenes\":[{{\"nodes\":[0]}},{{\"nodes\":[1]}}]")));
+        assert_eq!(each, [3, 2]);
+        assert_eq!(of("\"scenes\":[{\"nodes\":[0]},{\"nodes\":[1]}]"), 5, "no scene is the default one");
+    }
+
+    #[test]
     fn strips_and_fans_and_mirrored_nodes_keep_the_side_of_their_triangles() {
         let raw = mesh(include_bytes!("data/strip-and-fan.gltf"));
         // A strip of five vertices, and a fan over four of them, mirrored and moved by (5, 0, 0).
@@ -372,6 +394,9 @@ mod tests {
             ("\"children\":[2]", "\"children\":[2,2]", "node 2 is a child twice"),
             ("\"children\":[2]", "\"children\":[1]", "node 1 is a child of itself"),
             ("\"children\":[2]", "\"children\":[9]", "child 9 of 3"),
+            ("\"scene\":0", "\"scene\":1", "the default scene is 1 of 1"),
+            ("{\"nodes\":[0,1]}", "{\"nodes\":[9]}", "scene 0 has the node 9 of 3"),
+            ("{\"nodes\":[0,1]}", "{\"nodes\":[2]}", "node 2, which is a child"),
             ("\"count\":5", "\"count\":6", "accessor 0 reaches beyond its bytes"),
             ("\"count\":5", "\"count\":3", "index 2 is vertex 3 of 3"),
             ("\"VEC3\"", "\"VEC4\"", "is a VEC4"),
@@ -401,6 +426,7 @@ mod tests {
         // A mesh of five vertices at many nodes.
         let text = include_str!("data/strip-and-fan.gltf").split_whitespace().collect::<String>();
         let nodes = vec!["{\"mesh\":0}"; 50_000].join(",");
+        let text = text.replacen("\"scene\":0,", "", 1);
         let many = text.replacen("\"nodes\":[", &format!("\"nodes\":[{nodes},"), 1);
         assert_ne!(many, text);
         let told = refused(&many);

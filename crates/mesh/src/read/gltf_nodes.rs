@@ -49,10 +49,11 @@ impl Matrix {
     }
 }
 
-/// The mesh of each node that has one, and where it stands, parents before children; where there are no nodes, all meshes as they are.
+/// The mesh of each node of the default scene that has one, and where it stands, parents before children. All nodes count where no scene is the default
+/// one, and all meshes, as they are, where there are no nodes.
 ///
 /// # Errors
-/// [`ReadError::Arrays`] names a node that is a child twice, or of itself.
+/// [`ReadError::Arrays`] names a node that is a child twice, or of itself, or a scene that is none.
 pub(super) fn placed_meshes(document: &Document) -> Result<Vec<(usize, Matrix)>, ReadError> {
     let nodes = &document.nodes;
     if nodes.is_empty() {
@@ -69,21 +70,40 @@ pub(super) fn placed_meshes(document: &Document) -> Result<Vec<(usize, Matrix)>,
             }
         }
     }
+    let shown = shown(document, &is_child)?;
     let mut placed = Vec::new();
     let mut met = vec![false; nodes.len()];
-    let mut next: Vec<(usize, Matrix)> =
-        (0..nodes.len()).rev().filter(|&node| !is_child[node]).map(|node| (node, Matrix::IDENTITY)).collect();
-    while let Some((number, parent)) = next.pop() {
+    let roots = (0..nodes.len()).rev().filter(|&node| !is_child[node]);
+    let mut next: Vec<(usize, Matrix, bool)> = roots.map(|node| (node, Matrix::IDENTITY, shown[node])).collect();
+    while let Some((number, parent, shown)) = next.pop() {
         let (node, place) = (&nodes[number], parent.after(&Matrix::of(&nodes[number])));
         met[number] = true;
-        placed.extend(node.mesh.map(|mesh| (mesh, place)));
-        next.extend(node.children.iter().rev().map(|&child| (child, place)));
+        placed.extend(node.mesh.filter(|_| shown).map(|mesh| (mesh, place)));
+        next.extend(node.children.iter().rev().map(|&child| (child, place, shown)));
     }
     // A node that no root leads to is below itself.
     match met.iter().position(|met| !met) {
         Some(node) => Err(refuse(format!("node {node} is a descendant of itself"))),
         None => Ok(placed),
     }
+}
+
+/// Which nodes the default scene begins with.
+fn shown(document: &Document, is_child: &[bool]) -> Result<Vec<bool>, ReadError> {
+    let Document { scenes, nodes, .. } = document;
+    let Some(number) = document.scene else { return Ok(vec![true; nodes.len()]) };
+    let Some(scene) = scenes.get(number) else {
+        return Err(refuse(format!("the default scene is {number} of {}", scenes.len())));
+    };
+    let mut shown = vec![false; nodes.len()];
+    for &node in &scene.nodes {
+        match is_child.get(node) {
+            Some(false) => shown[node] = true,
+            Some(true) => return Err(refuse(format!("scene {number} has the node {node}, which is a child"))),
+            None => return Err(refuse(format!("scene {number} has the node {node} of {}", nodes.len()))),
+        }
+    }
+    Ok(shown)
 }
 
 #[cfg(test)]
