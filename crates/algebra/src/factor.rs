@@ -13,7 +13,7 @@ use faer::sparse::{FaerError, SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{MatRef, Side};
 
 use chladni_base::Monitor;
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::factor_symbolic::{Lower, NOWHERE, supernodes};
 use super::multifrontal::{self, Plan};

@@ -4,7 +4,7 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::{MassMatrix, SparseMatrix, WeightedMass};
 

@@ -1,6 +1,6 @@
 //! One column of what a device has measured, computed anew on the CPU: a card that sums up wrongly must not prove anything.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::error::GpuError;
 use super::pair_sums::{EnclosureSums, MeasuredPairs, MeasuredPencil, ResidualSums};

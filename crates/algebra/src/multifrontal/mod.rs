@@ -15,7 +15,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::factor::{Node, SymbolicFactor};
 use super::factor_symbolic::Lower;

@@ -4,7 +4,7 @@
 //! where the two edges of positive weight give away all but the share `x = c (a + b) / (ab)` of theirs: `xa · xb = c (xa + xb)`. A triangle without an
 //! obtuse angle gives away all that it has. So an edge may be taken for what its triangles give together.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use crate::operator::{EigenProblem, laplace};
 use chladni_mesh::TriangleMesh;
@@ -96,8 +96,7 @@ impl Obtuse {
         };
         let mut changes: Vec<Change> = match triangles {
             Cotangents::Surface(_) => faces.par_iter().flat_map_iter(|face| changes(face, 1)).flatten().collect(),
-            Cotangents::Local { .. } => faces
-                .par_chunk_by(|a, b| a == b)
+            Cotangents::Local { .. } => rayon::slice::ParallelSlice::par_chunk_by(faces, |a, b| a == b)
                 .flat_map_iter(|copies| changes(&copies[0], copies.len()))
                 .flatten()
                 .collect(),
