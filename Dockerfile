@@ -16,9 +16,10 @@ COPY crates/mesh/Cargo.toml crates/mesh/
 COPY crates/page/Cargo.toml crates/page/
 COPY crates/spectral/Cargo.toml crates/spectral/
 COPY crates/work/Cargo.toml crates/work/
-# A member of the workspace that the image does without: its placeholder stays.
+# Members of the workspace that the image does without: their placeholders stay.
 COPY python/Cargo.toml python/
-RUN for folder in . crates/* python; do \
+COPY tests/s3/Cargo.toml tests/s3/
+RUN for folder in . crates/* python tests/s3; do \
         mkdir -p "$folder/src" "$folder/benches" && : > "$folder/src/lib.rs" \
         && sed -n '/^\[\[bench\]\]/,/^$/s/^name = "\(.*\)"/\1/p' "$folder/Cargo.toml" \
         | while read -r name; do echo 'fn main() {}' > "$folder/benches/$name.rs"; done; \

@@ -33,14 +33,21 @@ const GPU_LIBRARIES: &str = "wgpu_core=off,wgpu_hal=off,naga=off";
 
 /// Sends log lines to standard error from now on. A second call in one process changes nothing.
 pub fn start_logs(settings: &LogSettings) -> Result<(), TelemetryError> {
-    use std::io::IsTerminal;
-    let filter = tracing_subscriber::EnvFilter::try_new(format!("{GPU_LIBRARIES},{}", settings.log_level))
-        .map_err(|error| TelemetryError::Level { level: settings.log_level.clone(), reason: error.to_string() })?;
-    let builder = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
+    use std::io::{IsTerminal, stderr};
+    use tracing_subscriber::{filter::Targets, fmt, layer::SubscriberExt, util::SubscriberInitExt};
+    let filter: Targets = format!("{GPU_LIBRARIES},{}", settings.log_level).trim_end_matches(',').parse().map_err(
+        |error: tracing_subscriber::filter::ParseError| TelemetryError::Level {
+            level: settings.log_level.clone(),
+            reason: error.to_string(),
+        },
+    )?;
+    let (registry, lines) = (tracing_subscriber::registry().with(filter), fmt::layer().with_writer(stderr));
     // The only failure is that another subscriber is installed, as when two servers live in one test process.
     let _installed = match settings.log_format {
-        LogFormat::Human => builder.with_ansi(std::io::stderr().is_terminal()).try_init(),
-        LogFormat::Json => builder.json().flatten_event(true).with_current_span(true).with_span_list(false).try_init(),
+        LogFormat::Human => registry.with(lines.with_ansi(stderr().is_terminal())).try_init(),
+        LogFormat::Json => {
+            registry.with(lines.json().flatten_event(true).with_current_span(true).with_span_list(false)).try_init()
+        }
     };
     Ok(())
 }

@@ -82,6 +82,8 @@ const IMPURE: &[&str] = &[
     "eprint!",
     "dbg!",
     "async fn",
+    // Parallel loops are those of `chladni_base::parallel`: docs/decisions/0025.
+    "rayon::prelude",
 ];
 
 #[test]

@@ -6,8 +6,6 @@ mod places;
 #[path = "common/postgres.rs"]
 mod postgres;
 mod process;
-#[path = "common/s3.rs"]
-mod s3;
 
 use std::{
     os::unix::process::ExitStatusExt,

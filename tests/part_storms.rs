@@ -12,8 +12,6 @@ mod places;
 mod postgres;
 mod process;
 #[cfg(feature = "cluster")]
-#[path = "common/s3.rs"]
-mod s3;
 #[path = "common/storm.rs"]
 mod storm;
 

@@ -10,9 +10,6 @@ mod places;
 mod postgres;
 mod process;
 #[cfg(feature = "cluster")]
-#[path = "common/s3.rs"]
-mod s3;
-
 use std::{os::unix::process::ExitStatusExt, time::Instant};
 
 use process::{PATIENCE, Server};

@@ -10,8 +10,6 @@ mod places;
 #[path = "common/postgres.rs"]
 mod postgres;
 mod process;
-#[path = "common/s3.rs"]
-mod s3;
 #[path = "common/storm.rs"]
 mod storm;
 #[path = "common/weed.rs"]
@@ -27,6 +25,7 @@ use std::{
 };
 
 use chladni::store::fault::FailPoint;
+use chladni_s3_server as s3;
 use places::{LEASE, Places, Worker};
 use process::{PATIENCE, Server};
 use rustix::process::Signal;

@@ -9,8 +9,6 @@ mod places;
 #[path = "common/postgres.rs"]
 mod postgres;
 mod process;
-#[path = "common/s3.rs"]
-mod s3;
 
 use std::{
     collections::BTreeMap,

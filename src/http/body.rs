@@ -7,6 +7,7 @@ use axum::body::Body;
 use axum::http::{HeaderMap, HeaderValue, header};
 use bytes::Bytes;
 use futures_util::FutureExt;
+use futures_util::future::BoxFuture;
 use http_body_util::BodyExt;
 use hyper::body::Frame;
 use tokio::time::{Instant, timeout_at};
@@ -76,23 +77,30 @@ impl WholeBody {
 /// # Errors
 /// A problem for each way in which this fails: too large, too slow, cut off, unknown or damaged encoding, no memory left for
 /// bodies.
-pub async fn read(state: &ClientState, headers: &HeaderMap, body: Body, limit: u64) -> Result<WholeBody, Problem> {
-    let encoding = encoding(headers)?;
-    if let Some(length) = headers.get(header::CONTENT_LENGTH).and_then(|v| v.to_str().ok()?.parse::<u64>().ok())
-        && length > limit
-    {
-        return Err(too_large(limit));
-    }
-    let (packed, mut share) = collect(state, body, limit).await?;
-    if encoding == Encoding::Identity {
-        return Ok(WholeBody { bytes: packed, share });
-    }
-    let unpacked = tokio::task::spawn_blocking(move || {
-        let mut grow = |bytes: u64| reserve(&mut share, bytes);
-        let unpacked = decompress(&packed, encoding, limit, &mut grow);
-        unpacked.map(|bytes| WholeBody { bytes: bytes.into(), share })
-    });
-    unpacked.await.map_err(Problem::internal)?
+pub fn read<'a>(
+    state: &'a ClientState,
+    headers: &'a HeaderMap,
+    body: Body,
+    limit: u64,
+) -> BoxFuture<'a, Result<WholeBody, Problem>> {
+    Box::pin(async move {
+        let encoding = encoding(headers)?;
+        if let Some(length) = headers.get(header::CONTENT_LENGTH).and_then(|v| v.to_str().ok()?.parse::<u64>().ok())
+            && length > limit
+        {
+            return Err(too_large(limit));
+        }
+        let (packed, mut share) = collect(state, body, limit).await?;
+        if encoding == Encoding::Identity {
+            return Ok(WholeBody { bytes: packed, share });
+        }
+        let unpacked = tokio::task::spawn_blocking(move || {
+            let mut grow = |bytes: u64| reserve(&mut share, bytes);
+            let unpacked = decompress(&packed, encoding, limit, &mut grow);
+            unpacked.map(|bytes| WholeBody { bytes: bytes.into(), share })
+        });
+        unpacked.await.map_err(Problem::internal)?
+    })
 }
 
 fn encoding(headers: &HeaderMap) -> Result<Encoding, Problem> {

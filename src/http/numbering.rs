@@ -6,6 +6,7 @@ use axum::http::request::Parts;
 use axum::http::uri::PathAndQuery;
 use chladni_mesh::numbering::{Extension, NumberingError, Translation};
 use chladni_work::numbered::FunctionError;
+use futures_util::future::BoxFuture;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::IntoParams;
@@ -61,6 +62,13 @@ impl<S: Send + Sync> FromRequestParts<S> for Numbered {
     type Rejection = Problem;
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
+        Self::taken_from(parts)
+    }
+}
+
+impl Numbered {
+    /// Takes what is about the numbering out of the query.
+    fn taken_from(parts: &mut Parts) -> Result<Self, Problem> {
         let Some(query) = parts.uri.query() else { return Ok(Self::default()) };
         let own = |pair: &&str| matches!(pair.split('=').next(), Some("numbering" | "extend"));
         let (mine, others): (Vec<&str>, Vec<&str>) = query.split('&').partition(own);
@@ -79,21 +87,21 @@ impl<S: Send + Sync> FromRequestParts<S> for Numbered {
         parts.uri = Uri::from_parts(uri).map_err(Problem::internal)?;
         Ok(Self(found))
     }
-}
 
-impl Numbered {
     /// How vertices and faces of a mesh are translated.
     ///
     /// # Errors
     /// Those of loading a mesh.
-    pub async fn on_mesh(self, state: &ClientState, mesh: &str) -> Result<Translation, Problem> {
-        let extend = match self.0.extend {
-            ExtensionName::None => Extension::None,
-            ExtensionName::Nearest => Extension::Nearest,
-        };
-        Ok(match self.0.numbering {
-            NumberingName::Kept => Translation::default(),
-            NumberingName::File => Translation::of_file(state.store.load_numbering(mesh).await?, extend),
+    pub fn on_mesh<'a>(self, state: &'a ClientState, mesh: &'a str) -> BoxFuture<'a, Result<Translation, Problem>> {
+        Box::pin(async move {
+            let extend = match self.0.extend {
+                ExtensionName::None => Extension::None,
+                ExtensionName::Nearest => Extension::Nearest,
+            };
+            Ok(match self.0.numbering {
+                NumberingName::Kept => Translation::default(),
+                NumberingName::File => Translation::of_file(state.store.load_numbering(mesh).await?, extend),
+            })
         })
     }
 

@@ -10,6 +10,7 @@ use chladni_spectral::basis::{
     Basis, EIGENBASIS_PART, Product, ProductKind, StoredFields, StoredMaps, StoredPart, Summary,
 };
 use chladni_spectral::formats::{FormatError, npz};
+use futures_util::future::BoxFuture;
 use uuid::Uuid;
 
 use super::{
@@ -108,41 +109,43 @@ impl Store {
     ///
     /// # Errors
     /// [`StoreError::NotFound`]; [`StoreError::Damaged`] where the content does not verify.
-    pub async fn load_product(&self, id: Uuid) -> Result<Product, StoreError> {
-        self.use_basis(id);
-        if let Some(found) = self.inner.bases.get(&id) {
-            self.count_hit(true);
-            if self.is_shared() {
-                // Another process may have deleted it.
-                self.basis(id).await.inspect_err(|_| {
-                    self.inner.bases.remove(&id);
-                })?;
-            }
-            return Ok(found.value);
-        }
-        // Held until the value is in the cache, so that a deletion comes before or after, not between.
-        let _in_use = self.inner.blob_use.read().await;
-        let loaded = self.inner.bases.get_or_insert_async(&id, async {
-            self.count_hit(false);
-            let record = self.basis(id).await?;
-            let (product, bytes) = match &record.storage {
-                BasisStorage::Compact => {
-                    let kind = ProductKind::of_name(&record.kind).ok_or_else(|| StoreError::Corrupt {
-                        detail: format!("column kind: {:?} is no kind of basis", record.kind),
+    pub fn load_product(&self, id: Uuid) -> BoxFuture<'_, Result<Product, StoreError>> {
+        Box::pin(async move {
+            self.use_basis(id);
+            if let Some(found) = self.inner.bases.get(&id) {
+                self.count_hit(true);
+                if self.is_shared() {
+                    // Another process may have deleted it.
+                    self.basis(id).await.inspect_err(|_| {
+                        self.inner.bases.remove(&id);
                     })?;
-                    let content = self.verified_blob(&record.content_hash).await?;
-                    let bytes = content.len() as u64;
-                    (blobs::blocking(move || Product::read_npz(kind, &content)).await?.map_err(damaged)?, bytes)
                 }
-                BasisStorage::Dense(layout) => {
-                    let (basis, bytes) = self.read_dense(&record, layout).await?;
-                    (basis.into(), bytes)
-                }
-            };
-            let bytes = bytes + product.derived_bytes();
-            Ok::<_, StoreError>(Weighed { value: product, bytes })
-        });
-        Ok(loaded.await?.value)
+                return Ok(found.value);
+            }
+            // Held until the value is in the cache, so that a deletion comes before or after, not between.
+            let _in_use = self.inner.blob_use.read().await;
+            let loaded = self.inner.bases.get_or_insert_async(&id, async {
+                self.count_hit(false);
+                let record = self.basis(id).await?;
+                let (product, bytes) = match &record.storage {
+                    BasisStorage::Compact => {
+                        let kind = ProductKind::of_name(&record.kind).ok_or_else(|| StoreError::Corrupt {
+                            detail: format!("column kind: {:?} is no kind of basis", record.kind),
+                        })?;
+                        let content = self.verified_blob(&record.content_hash).await?;
+                        let bytes = content.len() as u64;
+                        (blobs::blocking(move || Product::read_npz(kind, &content)).await?.map_err(damaged)?, bytes)
+                    }
+                    BasisStorage::Dense(layout) => {
+                        let (basis, bytes) = self.read_dense(&record, layout).await?;
+                        (basis.into(), bytes)
+                    }
+                };
+                let bytes = bytes + product.derived_bytes();
+                Ok::<_, StoreError>(Weighed { value: product, bytes })
+            });
+            Ok(loaded.await?.value)
+        })
     }
 
     /// A decoded eigenbasis, as [`load_product`](Self::load_product) gives it.

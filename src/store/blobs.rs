@@ -4,6 +4,7 @@
 use std::ops::Range;
 
 use bytes::{Bytes, BytesMut};
+use futures_util::future::BoxFuture;
 use futures_util::{Stream, stream};
 use sqlx::Row;
 
@@ -81,17 +82,19 @@ impl Store {
     ///
     /// # Errors
     /// [`StoreError::NotFound`], [`StoreError::InvalidRange`], and [`StoreError::Corrupt`] where a chunk is missing.
-    pub async fn blob_bytes(&self, hash: &str, range: Range<u64>) -> Result<Bytes, StoreError> {
-        let place = self.blob_place(hash).await?;
-        place.check(&range)?;
-        let mut bytes = BytesMut::with_capacity((range.end - range.start) as usize);
-        let mut at = range.start;
-        while at < range.end {
-            let piece = self.blob_piece(hash, place, at, range.end).await?;
-            at += piece.len() as u64;
-            bytes.extend_from_slice(&piece);
-        }
-        Ok(bytes.freeze())
+    pub fn blob_bytes<'a>(&'a self, hash: &'a str, range: Range<u64>) -> BoxFuture<'a, Result<Bytes, StoreError>> {
+        Box::pin(async move {
+            let place = self.blob_place(hash).await?;
+            place.check(&range)?;
+            let mut bytes = BytesMut::with_capacity((range.end - range.start) as usize);
+            let mut at = range.start;
+            while at < range.end {
+                let piece = self.blob_piece(hash, place, at, range.end).await?;
+                at += piece.len() as u64;
+                bytes.extend_from_slice(&piece);
+            }
+            Ok(bytes.freeze())
+        })
     }
 
     /// A range of a blob, chunk by chunk. No read transaction is open between chunks, so a slow reader holds nothing; a blob
@@ -150,91 +153,102 @@ impl Store {
     }
 
     /// The whole of a blob that a record refers to, with its hash verified.
-    pub(super) async fn verified_blob(&self, hash: &str) -> Result<Bytes, StoreError> {
-        let place = match self.blob_place(hash).await {
-            Err(StoreError::NotFound { .. }) => return Err(self.inner.known.damage(hash, "it is missing")),
-            found => found?,
-        };
-        let bytes = self.blob_bytes(hash, 0..place.bytes).await?;
-        let (bytes, found) = blocking(move || {
-            let found = blake3::hash(&bytes).to_hex();
-            (bytes, found)
+    pub(super) fn verified_blob<'a>(&'a self, hash: &'a str) -> BoxFuture<'a, Result<Bytes, StoreError>> {
+        Box::pin(async move {
+            let place = match self.blob_place(hash).await {
+                Err(StoreError::NotFound { .. }) => return Err(self.inner.known.damage(hash, "it is missing")),
+                found => found?,
+            };
+            let bytes = self.blob_bytes(hash, 0..place.bytes).await?;
+            let (bytes, found) = blocking(move || {
+                let found = blake3::hash(&bytes).to_hex();
+                (bytes, found)
+            })
+            .await?;
+            if found.as_str() != hash {
+                return Err(self.inner.known.damage(hash, "its bytes hash to another value"));
+            }
+            self.inner.known.whole(hash);
+            Ok(bytes)
         })
-        .await?;
-        if found.as_str() != hash {
-            return Err(self.inner.known.damage(hash, "its bytes hash to another value"));
-        }
-        self.inner.known.whole(hash);
-        Ok(bytes)
     }
 
-    pub(super) async fn blob_place(&self, hash: &str) -> Result<BlobPlace, StoreError> {
-        let unknown = || StoreError::NotFound { resource: "blob", id: hash.to_owned() };
-        let place = match &self.inner.blobs {
-            Blobs::Chunks(blobs) => {
-                let row = sqlx::query("SELECT id, bytes, chunk_bytes FROM blobs WHERE hash = ? AND state = 'ready'")
-                    .bind(hash)
-                    .fetch_optional(blobs.reader())
-                    .await?
-                    .ok_or_else(unknown)?;
-                BlobPlace {
-                    id: row.try_get("id")?,
-                    bytes: row.try_get::<i64, _>("bytes")? as u64,
-                    chunk_bytes: row.try_get::<i64, _>("chunk_bytes")? as u64,
+    pub(super) fn blob_place<'a>(&'a self, hash: &'a str) -> BoxFuture<'a, Result<BlobPlace, StoreError>> {
+        Box::pin(async move {
+            let unknown = || StoreError::NotFound { resource: "blob", id: hash.to_owned() };
+            let place = match &self.inner.blobs {
+                Blobs::Chunks(blobs) => {
+                    let row =
+                        sqlx::query("SELECT id, bytes, chunk_bytes FROM blobs WHERE hash = ? AND state = 'ready'")
+                            .bind(hash)
+                            .fetch_optional(blobs.reader())
+                            .await?
+                            .ok_or_else(unknown)?;
+                    BlobPlace {
+                        id: row.try_get("id")?,
+                        bytes: row.try_get::<i64, _>("bytes")? as u64,
+                        chunk_bytes: row.try_get::<i64, _>("chunk_bytes")? as u64,
+                    }
                 }
+                #[cfg(feature = "cluster")]
+                Blobs::Objects(objects) => objects.place(hash).await?.ok_or_else(unknown)?,
+            };
+            if place.chunk_bytes == 0 {
+                Err(self.inner.known.damage(hash, "its chunks have no size"))
+            } else {
+                Ok(place)
             }
-            #[cfg(feature = "cluster")]
-            Blobs::Objects(objects) => objects.place(hash).await?.ok_or_else(unknown)?,
-        };
-        if place.chunk_bytes == 0 { Err(self.inner.known.damage(hash, "its chunks have no size")) } else { Ok(place) }
+        })
     }
 
     /// The rest of the chunk that holds byte `at`, verified and cut at `end`; never empty.
-    pub(super) async fn blob_piece(
-        &self,
-        hash: &str,
+    pub(super) fn blob_piece<'a>(
+        &'a self,
+        hash: &'a str,
         place: BlobPlace,
         at: u64,
         end: u64,
-    ) -> Result<Bytes, StoreError> {
-        let position = at / place.chunk_bytes;
-        let damage = |how: &str| self.inner.known.damage(hash, &format!("chunk {position} {how}"));
-        let blobs = match &self.inner.blobs {
-            Blobs::Chunks(blobs) => blobs,
-            #[cfg(feature = "cluster")]
-            Blobs::Objects(objects) => {
-                return match objects.piece(place, at, end).await? {
-                    Some(piece) => piece.map_err(|how| damage(&how)),
-                    None => Err(self.why_missing(hash, place, position).await),
-                };
+    ) -> BoxFuture<'a, Result<Bytes, StoreError>> {
+        Box::pin(async move {
+            let position = at / place.chunk_bytes;
+            let damage = |how: &str| self.inner.known.damage(hash, &format!("chunk {position} {how}"));
+            let blobs = match &self.inner.blobs {
+                Blobs::Chunks(blobs) => blobs,
+                #[cfg(feature = "cluster")]
+                Blobs::Objects(objects) => {
+                    return match objects.piece(place, at, end).await? {
+                        Some(piece) => piece.map_err(|how| damage(&how)),
+                        None => Err(self.why_missing(hash, place, position).await),
+                    };
+                }
+            };
+            let row = sqlx::query("SELECT data, hash FROM chunks WHERE blob = ? AND position = ?")
+                .bind(place.id)
+                .bind(position as i64)
+                .fetch_optional(blobs.reader())
+                .await;
+            let row = match row.map_err(StoreError::from) {
+                Err(StoreError::Corrupt { detail }) => return Err(damage(&format!("cannot be read: {detail}"))),
+                row => row?,
+            };
+            let Some(row) = row else { return Err(self.why_missing(hash, place, position).await) };
+            let (data, expected): (Vec<u8>, Option<Vec<u8>>) = (row.try_get("data")?, row.try_get("hash")?);
+            match expected {
+                // A quarter of a megabyte takes a tenth of a millisecond.
+                Some(expected) if *blake3::hash(&data).as_bytes() != *expected => {
+                    return Err(damage("hashes to another value"));
+                }
+                Some(_) => {}
+                // From before chunks had hashes: the whole is verified, which gives them theirs.
+                None => self.verify_blob(hash).await?,
             }
-        };
-        let row = sqlx::query("SELECT data, hash FROM chunks WHERE blob = ? AND position = ?")
-            .bind(place.id)
-            .bind(position as i64)
-            .fetch_optional(blobs.reader())
-            .await;
-        let row = match row.map_err(StoreError::from) {
-            Err(StoreError::Corrupt { detail }) => return Err(damage(&format!("cannot be read: {detail}"))),
-            row => row?,
-        };
-        let Some(row) = row else { return Err(self.why_missing(hash, place, position).await) };
-        let (data, expected): (Vec<u8>, Option<Vec<u8>>) = (row.try_get("data")?, row.try_get("hash")?);
-        match expected {
-            // A quarter of a megabyte takes a tenth of a millisecond.
-            Some(expected) if *blake3::hash(&data).as_bytes() != *expected => {
-                return Err(damage("hashes to another value"));
+            let chunk_start = position * place.chunk_bytes;
+            let length = place.chunk_bytes.min(place.bytes - chunk_start);
+            if data.len() as u64 != length {
+                return Err(damage("is short or long"));
             }
-            Some(_) => {}
-            // From before chunks had hashes: the whole is verified, which gives them theirs.
-            None => self.verify_blob(hash).await?,
-        }
-        let chunk_start = position * place.chunk_bytes;
-        let length = place.chunk_bytes.min(place.bytes - chunk_start);
-        if data.len() as u64 != length {
-            return Err(damage("is short or long"));
-        }
-        Ok(Bytes::from(data).slice((at - chunk_start) as usize..(end - chunk_start).min(length) as usize))
+            Ok(Bytes::from(data).slice((at - chunk_start) as usize..(end - chunk_start).min(length) as usize))
+        })
     }
 
     /// A stream that goes on while its blob is deleted or written anew has met no damage.

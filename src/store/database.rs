@@ -6,6 +6,7 @@ use std::{
     time::Duration,
 };
 
+use futures_util::future::BoxFuture;
 use sqlx::{
     AssertSqlSafe, ConnectOptions, SqliteConnection, SqlitePool,
     migrate::Migrator,
@@ -93,12 +94,14 @@ impl Database {
     ///
     /// # Errors
     /// [`StoreError::Moved`] where the files are not those that were opened.
-    pub async fn write(&self) -> Result<WriteTransaction, StoreError> {
-        self.place.check()?;
-        let place = Arc::clone(&self.place);
-        let mut transaction = WriteTransaction { connection: self.writer.acquire().await?, finished: false, place };
-        sqlx::query("BEGIN IMMEDIATE").execute(transaction.on()).await?;
-        Ok(transaction)
+    pub fn write(&self) -> BoxFuture<'_, Result<WriteTransaction, StoreError>> {
+        Box::pin(async move {
+            self.place.check()?;
+            let place = Arc::clone(&self.place);
+            let mut transaction = WriteTransaction { connection: self.writer.acquire().await?, finished: false, place };
+            sqlx::query("BEGIN IMMEDIATE").execute(transaction.on()).await?;
+            Ok(transaction)
+        })
     }
 
     /// Bytes of the write-ahead log.

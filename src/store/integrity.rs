@@ -10,6 +10,7 @@ use std::{
     time::{Duration, Instant},
 };
 
+use futures_util::future::BoxFuture;
 use uuid::Uuid;
 
 use super::{
@@ -69,29 +70,31 @@ impl Store {
     ///
     /// # Errors
     /// [`StoreError::Damaged`], also where it is missing.
-    pub(super) async fn verify_blob(&self, hash: &str) -> Result<(), StoreError> {
-        let damage = |how: &str| self.inner.known.damage(hash, how);
-        let place = match self.blob_place(hash).await {
-            Ok(place) => place,
-            Err(StoreError::NotFound { .. }) => return Err(damage("it is missing")),
-            Err(error) => return Err(error),
-        };
-        let hashed = match &self.inner.blobs {
-            Blobs::Chunks(blobs) => self.hash_chunks(blobs, place.id).await,
-            #[cfg(feature = "cluster")]
-            Blobs::Objects(objects) => objects.hash(place.id).await.map(|(hash, bytes)| (hash, bytes, Vec::new())),
-        };
-        let (found, bytes, hashes) = match hashed {
-            Ok(found) => found,
-            Err(StoreError::Corrupt { detail }) => return Err(damage(&detail)),
-            Err(error) => return Err(error),
-        };
-        if bytes != place.bytes || found != hash {
-            return Err(damage("its bytes hash to another value"));
-        }
-        self.write_missing_hashes(place, &hashes).await?;
-        self.inner.known.whole(hash);
-        Ok(())
+    pub(super) fn verify_blob<'a>(&'a self, hash: &'a str) -> BoxFuture<'a, Result<(), StoreError>> {
+        Box::pin(async move {
+            let damage = |how: &str| self.inner.known.damage(hash, how);
+            let place = match self.blob_place(hash).await {
+                Ok(place) => place,
+                Err(StoreError::NotFound { .. }) => return Err(damage("it is missing")),
+                Err(error) => return Err(error),
+            };
+            let hashed = match &self.inner.blobs {
+                Blobs::Chunks(blobs) => self.hash_chunks(blobs, place.id).await,
+                #[cfg(feature = "cluster")]
+                Blobs::Objects(objects) => objects.hash(place.id).await.map(|(hash, bytes)| (hash, bytes, Vec::new())),
+            };
+            let (found, bytes, hashes) = match hashed {
+                Ok(found) => found,
+                Err(StoreError::Corrupt { detail }) => return Err(damage(&detail)),
+                Err(error) => return Err(error),
+            };
+            if bytes != place.bytes || found != hash {
+                return Err(damage("its bytes hash to another value"));
+            }
+            self.write_missing_hashes(place, &hashes).await?;
+            self.inner.known.whole(hash);
+            Ok(())
+        })
     }
 
     /// Looks whether a blob is whole as far as that is quickly told: chunks are read and hashed, of objects it is enough that the store has them,

@@ -17,6 +17,7 @@ use chladni_mesh::numbering::Numbering;
 use chladni_mesh::polygons::Polygons;
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::Product;
+use futures_util::future::BoxFuture;
 use uuid::Uuid;
 
 /// The head of a mesh's canonical content; the counts of vertices and faces follow, u64 little-endian, then positions as
@@ -268,36 +269,38 @@ impl Store {
         }
     }
 
-    async fn load_decoded(&self, id: &str) -> Result<Decoded, StoreError> {
-        self.use_mesh(id);
-        if let Some(found) = self.inner.meshes.get(id) {
-            self.count_hit(true);
-            if self.is_shared() {
-                // Another process may have deleted it.
-                self.mesh(id).await.inspect_err(|_| {
-                    self.inner.meshes.remove(id);
-                })?;
+    fn load_decoded<'a>(&'a self, id: &'a str) -> BoxFuture<'a, Result<Decoded, StoreError>> {
+        Box::pin(async move {
+            self.use_mesh(id);
+            if let Some(found) = self.inner.meshes.get(id) {
+                self.count_hit(true);
+                if self.is_shared() {
+                    // Another process may have deleted it.
+                    self.mesh(id).await.inspect_err(|_| {
+                        self.inner.meshes.remove(id);
+                    })?;
+                }
+                return Ok(found.value);
             }
-            return Ok(found.value);
-        }
-        // Held until the value is in the cache, so that a deletion comes before or after, not between.
-        let _in_use = self.inner.blob_use.read().await;
-        let loaded = self.inner.meshes.get_or_insert_async(id, async {
-            self.count_hit(false);
-            let record = self.mesh(id).await?;
-            let content = self.verified_blob(&record.content_hash).await?;
-            let bytes = content.len() as u64;
-            let Body { mesh, numbering, attributes, .. } =
-                blobs::blocking(move || decode(&content)).await?.ok_or_else(|| no_mesh(id))?;
-            let numbering = numbering.unwrap_or_else(|| own_numbering(&record));
-            let bytes = bytes + numbering.bytes();
-            let (mesh, numbering, attributes) = (Arc::new(mesh), Arc::new(numbering), attributes.map(Arc::new));
-            Ok::<_, StoreError>(Weighed {
-                value: Decoded { mesh, numbering, attributes, is_solid: record.is_solid() },
-                bytes,
-            })
-        });
-        Ok(loaded.await?.value)
+            // Held until the value is in the cache, so that a deletion comes before or after, not between.
+            let _in_use = self.inner.blob_use.read().await;
+            let loaded = self.inner.meshes.get_or_insert_async(id, async {
+                self.count_hit(false);
+                let record = self.mesh(id).await?;
+                let content = self.verified_blob(&record.content_hash).await?;
+                let bytes = content.len() as u64;
+                let Body { mesh, numbering, attributes, .. } =
+                    blobs::blocking(move || decode(&content)).await?.ok_or_else(|| no_mesh(id))?;
+                let numbering = numbering.unwrap_or_else(|| own_numbering(&record));
+                let bytes = bytes + numbering.bytes();
+                let (mesh, numbering, attributes) = (Arc::new(mesh), Arc::new(numbering), attributes.map(Arc::new));
+                Ok::<_, StoreError>(Weighed {
+                    value: Decoded { mesh, numbering, attributes, is_solid: record.is_solid() },
+                    bytes,
+                })
+            });
+            Ok(loaded.await?.value)
+        })
     }
 
     /// A mesh and the solid whose surface it is, if it is one. A solid is decoded each time.

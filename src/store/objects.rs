@@ -6,6 +6,7 @@
 use std::{fmt, ops::Range, sync::Arc, time::Duration};
 
 use bytes::{Bytes, BytesMut};
+use futures_util::future::BoxFuture;
 use object_store::{
     MultipartUpload, ObjectStore, ObjectStoreExt, PutPayload,
     aws::AmazonS3,
@@ -194,29 +195,31 @@ impl Objects {
     }
 
     /// Bytes of whole chunks, which have the hashes given; or how they do not.
-    async fn range(
-        &self,
-        path: &Path,
+    fn range<'a>(
+        &'a self,
+        path: &'a Path,
         range: Range<u64>,
         chunk: u64,
-        hashes: &[u8],
-    ) -> Result<Result<Bytes, String>, StoreError> {
-        let bytes = match self.store.get_range(path, range.clone()).await {
-            Ok(bytes) => bytes,
-            Err(error) if is_missing(&error) => return Ok(Err("is missing".to_owned())),
-            Err(error) => return Err(failure(&error)),
-        };
-        if bytes.len() as u64 != range.end - range.start {
-            return Ok(Err(format!("has {} of {} bytes", bytes.len(), range.end - range.start)));
-        }
-        let (whole, hashes) = (bytes.clone(), hashes.to_vec());
-        let right = super::blobs::blocking(move || {
-            let mut chunks = whole.chunks(chunk as usize).zip(hashes.as_chunks::<32>().0);
-            hashes.len() == HASH_BYTES as usize * whole.len().div_ceil(chunk as usize)
-                && chunks.all(|(chunk, hash)| blake3::hash(chunk).as_bytes() == hash)
+        hashes: &'a [u8],
+    ) -> BoxFuture<'a, Result<Result<Bytes, String>, StoreError>> {
+        Box::pin(async move {
+            let bytes = match self.store.get_range(path, range.clone()).await {
+                Ok(bytes) => bytes,
+                Err(error) if is_missing(&error) => return Ok(Err("is missing".to_owned())),
+                Err(error) => return Err(failure(&error)),
+            };
+            if bytes.len() as u64 != range.end - range.start {
+                return Ok(Err(format!("has {} of {} bytes", bytes.len(), range.end - range.start)));
+            }
+            let (whole, hashes) = (bytes.clone(), hashes.to_vec());
+            let right = super::blobs::blocking(move || {
+                let mut chunks = whole.chunks(chunk as usize).zip(hashes.as_chunks::<32>().0);
+                hashes.len() == HASH_BYTES as usize * whole.len().div_ceil(chunk as usize)
+                    && chunks.all(|(chunk, hash)| blake3::hash(chunk).as_bytes() == hash)
+            })
+            .await?;
+            Ok(if right { Ok(bytes) } else { Err("hashes to another value".to_owned()) })
         })
-        .await?;
-        Ok(if right { Ok(bytes) } else { Err("hashes to another value".to_owned()) })
     }
 
     /// The hash of an object and its bytes, read from beginning to end.

@@ -3,13 +3,12 @@
 
 use std::cell::Cell;
 
+use chladni_s3_server as s3_server;
+
 use super::*;
 
 #[path = "../../tests/common/postgres.rs"]
 mod server;
-
-#[path = "../../tests/common/s3.rs"]
-mod s3_server;
 
 #[cfg(test)]
 #[path = "shared_object_tests.rs"]

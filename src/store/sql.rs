@@ -4,6 +4,7 @@
 
 use std::marker::PhantomData;
 
+use futures_util::future::BoxFuture;
 use sqlx::{AssertSqlSafe, ColumnIndex, SqlSafeStr, SqlStr, SqliteConnection, SqlitePool, sqlite::SqliteRow};
 #[cfg(feature = "cluster")]
 use sqlx::{PgConnection, postgres::PgRow};
@@ -158,9 +159,11 @@ impl Query {
         self
     }
 
-    /// The first row, if there is one.
-    pub async fn fetch_optional(self, on: On<'_>) -> Result<Option<Row>, sqlx::Error> {
-        dispatch!(self, fetch_optional, on, |row| row.map(Row::Sqlite), |row| row.map(Row::Postgres))
+    /// The first row, if there is one. Boxed, as is what else many places await: docs/decisions/0025.
+    pub fn fetch_optional(self, on: On<'_>) -> BoxFuture<'_, Result<Option<Row>, sqlx::Error>> {
+        Box::pin(async move {
+            dispatch!(self, fetch_optional, on, |row| row.map(Row::Sqlite), |row| row.map(Row::Postgres))
+        })
     }
 
     /// The only row.
@@ -169,16 +172,18 @@ impl Query {
     }
 
     /// Every row.
-    pub async fn fetch_all(self, on: On<'_>) -> Result<Vec<Row>, sqlx::Error> {
-        dispatch!(self, fetch_all, on, |rows| rows.into_iter().map(Row::Sqlite).collect(), |rows| rows
-            .into_iter()
-            .map(Row::Postgres)
-            .collect())
+    pub fn fetch_all(self, on: On<'_>) -> BoxFuture<'_, Result<Vec<Row>, sqlx::Error>> {
+        Box::pin(async move {
+            dispatch!(self, fetch_all, on, |rows| rows.into_iter().map(Row::Sqlite).collect(), |rows| rows
+                .into_iter()
+                .map(Row::Postgres)
+                .collect())
+        })
     }
 
     /// Runs it for what it changes, and gives how many rows those were.
-    pub async fn execute(self, on: On<'_>) -> Result<u64, sqlx::Error> {
-        dispatch!(self, execute, on, |done| done.rows_affected(), |done| done.rows_affected())
+    pub fn execute(self, on: On<'_>) -> BoxFuture<'_, Result<u64, sqlx::Error>> {
+        Box::pin(async move { dispatch!(self, execute, on, |done| done.rows_affected(), |done| done.rows_affected()) })
     }
 }
 

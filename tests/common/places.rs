@@ -11,11 +11,11 @@ use std::{
 };
 
 use chladni::store::{BasisFilter, JobFilter, JobRecord, JobStatus, PageRequest, SharedPlaces, Store, StoreOptions};
+use chladni_s3_server as s3;
 use tempfile::TempDir;
 
 use crate::postgres;
 use crate::process::{PATIENCE, Server};
-use crate::s3;
 
 pub const LEASE: Duration = Duration::from_secs(3);
 

@@ -5,7 +5,7 @@
 //! orthogonalisation, is several times faster. Its weak spot are clusters. Vectors within one are orthogonalised while they are iterated, all
 //! of them once more at the end, and the outcome is checked.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::{DenseMatrix, orthonormalise, vectorized};
 

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::convert::Infallible;
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::SparseMatrix;
 

@@ -1,10 +1,10 @@
 //! Gram matrices of columns in single precision, kept as the cycles leave them: sixteen columns to a block. Sums are in double precision, and in an
 //! order that does not depend on the number of threads.
 
+use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor};
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, MatMut, MatRef, Par};
-use rayon::prelude::*;
 
 use super::dense::sum_of_lower;
 use super::{CYCLE_WIDTH, CycleRow, DenseMatrix};

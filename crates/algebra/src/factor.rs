@@ -12,8 +12,8 @@ use faer::sparse::linalg::cholesky::{
 use faer::sparse::{FaerError, SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{MatRef, Side};
 
+use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor, Unwatched};
-use rayon::prelude::*;
 
 use super::factor_symbolic::{Lower, NOWHERE, supernodes};
 use super::multifrontal::{self, Plan};

@@ -1,6 +1,6 @@
 //! What rounding may have done to a factor: how far an inertia count can be trusted.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::factor::{Factor, Node, Pivoting};
 use super::multifrontal::{larger, magnitudes};

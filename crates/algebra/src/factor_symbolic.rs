@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::factor::Node;
 use super::{FactorError, MassMatrix, SparseMatrix, WeightedMass};

@@ -1,6 +1,6 @@
 //! Products with `U` and `Uᵀ` for a few vectors at a time: what evaluating in a basis comes down to.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::{DenseMatrix, MassMatrix, SparseMatrix, WeightedMass, row_parts, vectorized};
 

@@ -4,10 +4,10 @@
 //! of their columns, so that a cell is a small dense product; products are added row by row of the result, always in the order of the
 //! cells. That makes the result independent of the number of threads, needs no locks, and lets dense kernels do the work.
 
+use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor, Spare};
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, MatMut, MatRef, Par};
-use rayon::prelude::*;
 
 use super::{MassMatrix, Scalar, SparseMatrix, WeightedMass, vectorized};
 

@@ -1,6 +1,6 @@
 //! Which columns of a matrix are independent of the others, by a Cholesky factorisation with pivots of their Gram matrix.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::DenseMatrix;
 

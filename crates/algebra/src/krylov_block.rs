@@ -1,9 +1,9 @@
 //! Blocks of eight columns, and their products with a wide basis: what a block Lanczos iteration works on. They are bounded by the reading of the
 //! basis, which is why they have kernels of their own beside those of panels.
 
+use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor};
 use pulp::Simd;
-use rayon::prelude::*;
 
 use super::{MassMatrix, PANEL_WIDTH, PanelMatrix, SparseMatrix, WeightedMass, vectorized};
 

@@ -19,7 +19,7 @@ mod smoother;
 use std::borrow::Cow;
 use std::sync::OnceLock;
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use self::aggregate::prolongation;
 pub(crate) use self::coarsest::Coarsest;

@@ -1,10 +1,10 @@
 //! Products with panel matrices: Gram matrices, rotations, prolongation, residuals. Threads share the rows or the columns in a way that
 //! does not depend on their number, so that results do not either.
 
+use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
-use rayon::prelude::*;
 
 use super::panels::PanelRow;
 use super::product::Scalar;

@@ -1,6 +1,6 @@
 //! Dense matrices with many rows, kept as panels of 32 columns: what block eigensolvers work on.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::DenseMatrix;
 

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use chladni_base::Spare;
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::{MassMatrix, SparseMatrix, WeightedMass};
 

@@ -1,6 +1,6 @@
 //! Products with sparse matrices: vectors, panels of vectors, transposes.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::{DenseMatrix, SparseMatrix, vectorized};
 

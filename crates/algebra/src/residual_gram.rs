@@ -1,9 +1,9 @@
 //! Residuals `R = A X − M X Θ` as a whole, and what rounding does to them: what bounds on eigenvalues are made of.
 
+use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
-use rayon::prelude::*;
 
 use super::dense::sum_of_lower;
 use super::panels::PanelRow;

@@ -1,6 +1,6 @@
 //! Compressed sparse rows.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 /// Rows that a thread makes at once.
 const ROWS_PER_TASK: usize = 1024;

@@ -5,13 +5,13 @@
 //! in parts that do not depend on their number, so that no bit of the result does either. docs/decisions/0021 tells what was measured.
 
 use chladni_base::Cancelled;
+use chladni_base::parallel::*;
 use faer::dyn_stack::MemStack;
 use faer::linalg::evd::tridiag;
 use faer::linalg::householder;
 use faer::linalg::matmul::matmul;
 use faer::linalg::qr::no_pivoting::factor::recommended_block_size;
 use faer::{Accum, Conj, MatMut, MatRef, Par};
-use rayon::prelude::*;
 
 use super::DenseMatrix;
 use super::column_products::{add_combination, add_symmetric, dot_products};

@@ -1,7 +1,8 @@
-//! What every crate of Chladni needs and none is about: the hook through which long work reports and is stopped, a seeded random generator, memory that
-//! one piece of work leaves to the next, and memory that the allocator keeps.
+//! What every crate of Chladni needs and none is about: the hook through which long work reports and is stopped, parallel loops, a seeded random
+//! generator, memory that one piece of work leaves to the next, and memory that the allocator keeps.
 
 mod monitor;
+pub mod parallel;
 mod random;
 mod spare;
 mod trim;

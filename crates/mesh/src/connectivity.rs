@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::{TetMesh, TriangleMesh};
 

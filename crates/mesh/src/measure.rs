@@ -1,6 +1,6 @@
 //! Areas.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::TriangleMesh;
 

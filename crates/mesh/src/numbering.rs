@@ -299,7 +299,7 @@ pub(crate) fn nearest_vertices(mesh: &[[f64; 3]], positions: &[[f64; 3]]) -> Vec
         ..Default::default()
     };
     let tree = FaceHierarchy::new(&points);
-    use rayon::prelude::*;
+    use chladni_base::parallel::*;
     positions.par_iter().map(|&point| tree.nearest(&points, point).map_or(DROPPED, |(vertex, _)| vertex)).collect()
 }
 

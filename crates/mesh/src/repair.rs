@@ -1,6 +1,6 @@
 //! Repairs that lose nothing: merging equal positions, dropping faces and vertices that carry no surface.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 /// Faces under repair, with the way back to their numbers in the input.
 pub(super) struct Faces {

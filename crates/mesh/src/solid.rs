@@ -298,7 +298,7 @@ fn single_sides(tetrahedra: &[[u32; 4]], report: &mut SolidReport) -> Vec<u32> {
             sides.push((sorted, (4 * t + k) as u32));
         }
     }
-    use rayon::prelude::*;
+    use chladni_base::parallel::*;
     sides.par_sort_unstable();
     let mut single: Vec<u32> = Vec::new();
     for same in sides.chunk_by(|a, b| a.0 == b.0) {

@@ -4,7 +4,7 @@
 
 use super::connected::Components;
 use super::report::Tally;
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 /// The twin of a half-edge whose edge has no other face.
 pub(super) const BOUNDARY: u32 = u32::MAX;

@@ -8,7 +8,7 @@
 mod finding;
 mod kinds;
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 use serde::Serialize;
 
 pub use finding::Finding;

@@ -12,6 +12,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use chladni_base::Unwatched;
+use chladni_base::parallel::*;
 use chladni_mesh::{
     TriangleMesh,
     check::check,
@@ -20,7 +21,6 @@ use chladni_mesh::{
 };
 use chladni_spectral::basis::Basis;
 use chladni_work::EigenbasisParameters;
-use rayon::prelude::*;
 use serde_json::{Value, json};
 
 /// Meshes beyond these sizes take no part.

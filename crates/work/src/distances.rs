@@ -2,6 +2,7 @@
 
 use chladni_algebra::DenseMatrix;
 use chladni_base::Monitor;
+use chladni_base::parallel::*;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::distance::ExactGeodesics;
 use chladni_mesh::points::are_points;
@@ -11,7 +12,6 @@ use chladni_spectral::analysis::geodesic::geodesic;
 use chladni_spectral::analysis::heat::HeatGeodesics;
 use chladni_spectral::analysis::spectrum::kernel_size;
 use chladni_spectral::basis::Basis;
-use rayon::prelude::*;
 use serde::Deserialize;
 
 /// The most sources of one request for geodesic distances on a mesh.

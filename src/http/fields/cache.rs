@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use chladni_base::Monitor;
 use chladni_work::design::{KeptField, Surface};
+use futures_util::future::BoxFuture;
 use quick_cache::{OptionsBuilder, Weighter, sync::Cache};
 
 use crate::http::client::ClientState;
@@ -52,28 +53,39 @@ impl FieldCache {
     }
 
     /// What lies at a key, or what is made now, with the bytes that it takes. One key, one type.
-    async fn get<T: Any + Send + Sync>(
-        &self,
-        turn: &Turn,
+    async fn get<'a, T: Any + Send + Sync>(
+        &'a self,
+        turn: &'a Turn,
         key: String,
-        make: impl Future<Output = Result<(T, u64), Problem>>,
+        make: impl Future<Output = Result<(T, u64), Problem>> + Send + 'a,
     ) -> Result<Arc<T>, Problem> {
-        let made = async {
+        let made = Box::pin(async {
             let (value, bytes) = make.await?;
-            Ok::<_, Problem>((Arc::new(value) as Entry, bytes))
-        };
-        let found = match self.kept.as_ref().map(|cache| (cache, cache.get(&key))) {
-            Some((_, Some((found, _)))) => found,
-            absent => {
-                // Whoever makes it, and whoever waits for what another one makes.
-                turn.step_aside();
-                match absent {
-                    Some((cache, _)) => cache.get_or_insert_async(&key, made).await?.0,
-                    None => made.await?.0,
+            Ok((Arc::new(value) as Entry, bytes))
+        });
+        let found = self.entry(turn, &key, made).await?;
+        found.downcast().map_err(|_| Problem::internal(format!("the cache holds something else as {key}")))
+    }
+
+    fn entry<'a>(
+        &'a self,
+        turn: &'a Turn,
+        key: &'a String,
+        made: BoxFuture<'a, Result<(Entry, u64), Problem>>,
+    ) -> BoxFuture<'a, Result<Entry, Problem>> {
+        Box::pin(async move {
+            match self.kept.as_ref().map(|cache| (cache, cache.get(key))) {
+                Some((_, Some((found, _)))) => Ok(found),
+                absent => {
+                    // Whoever makes it, and whoever waits for what another one makes.
+                    turn.step_aside();
+                    match absent {
+                        Some((cache, _)) => Ok(cache.get_or_insert_async(key, made).await?.0),
+                        None => Ok(made.await?.0),
+                    }
                 }
             }
-        };
-        found.downcast().map_err(|_| Problem::internal(format!("the cache holds something else as {key}")))
+        })
     }
 }
 

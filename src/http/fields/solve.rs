@@ -11,6 +11,7 @@ use chladni_work::design::{
     AlignmentRequest, DesignRequest, Designed, FacesRequest, FieldSource, FieldTable, Goal, KeptFields, NamedTarget,
     NamedWeights, PerFace, Setting, Target, numerators,
 };
+use futures_util::future::BoxFuture;
 use uuid::Uuid;
 
 use super::cache;
@@ -78,65 +79,68 @@ pub async fn design(state: &ClientState, loaded: &LoadedBasis, request: &DesignR
 ///
 /// # Errors
 /// Those of [`design`].
-pub async fn design_with(
-    state: &ClientState,
-    loaded: &LoadedBasis,
-    request: &DesignRequest,
+pub fn design_with<'a>(
+    state: &'a ClientState,
+    loaded: &'a LoadedBasis,
+    request: &'a DesignRequest,
     coefficients: bool,
-) -> Result<Designed, Problem> {
-    request.check()?;
-    let (weights, full) = (request.weights, request.weights.full_biharmonic());
-    let model = if full { full_energy_model(state, loaded).await? } else { loaded.model() };
-    let constraints = request.resolve(&loaded.surface, loaded.kind())?;
-    let (key, goal, per_face) = goal(state, loaded, &model, request).await?;
-    let exact = goal.exact(request);
-    let weighted = if per_face || full || loaded.fields.ritz.is_none() {
-        let shares = [goal.alignment.as_ref().map_or(0.0, |a| a.1), goal.prescription.as_ref().map_or(0.0, |p| p.1)];
-        let key = format!("{key} {:?} {:?} {full} {shares:?}", weights.harmonic, weights.bending());
-        let own = loaded.clone();
-        let make = move |_: &dyn Monitor| {
-            let weighted = own.weighted(&model, weights, goal)?;
-            let bytes = weighted.bytes();
-            Ok((weighted, bytes))
+) -> BoxFuture<'a, Result<Designed, Problem>> {
+    Box::pin(async move {
+        request.check()?;
+        let (weights, full) = (request.weights, request.weights.full_biharmonic());
+        let model = if full { full_energy_model(state, loaded).await? } else { loaded.model() };
+        let constraints = request.resolve(&loaded.surface, loaded.kind())?;
+        let (key, goal, per_face) = goal(state, loaded, &model, request).await?;
+        let exact = goal.exact(request);
+        let weighted = if per_face || full || loaded.fields.ritz.is_none() {
+            let shares =
+                [goal.alignment.as_ref().map_or(0.0, |a| a.1), goal.prescription.as_ref().map_or(0.0, |p| p.1)];
+            let key = format!("{key} {:?} {:?} {full} {shares:?}", weights.harmonic, weights.bending());
+            let own = loaded.clone();
+            let make = move |_: &dyn Monitor| {
+                let weighted = own.weighted(&model, weights, goal)?;
+                let bytes = weighted.bytes();
+                Ok((weighted, bytes))
+            };
+            cache::kept(state, "weights", &key, make).await?
+        } else if goal.prescription.is_none() && model.has_many(constraints.len()) {
+            // What stays while a stroke is dragged is factored once.
+            let share = goal.alignment.as_ref().map_or(0.0, |a| a.1);
+            let key = format!("{key} {:?} {:?} {share:?} many", weights.harmonic, weights.bending());
+            let own = loaded.clone();
+            let make = move |_: &dyn Monitor| {
+                let bytes = model.bytes_of_many();
+                Ok((own.weighted(&model, weights, goal)?, bytes))
+            };
+            cache::kept(state, "weights", &key, make).await?
+        } else {
+            // Without weights per face everything is diagonal: nothing is worth keeping.
+            Arc::new(loaded.weighted(&model, weights, goal)?)
         };
-        cache::kept(state, "weights", &key, make).await?
-    } else if goal.prescription.is_none() && model.has_many(constraints.len()) {
-        // What stays while a stroke is dragged is factored once.
-        let share = goal.alignment.as_ref().map_or(0.0, |a| a.1);
-        let key = format!("{key} {:?} {:?} {share:?} many", weights.harmonic, weights.bending());
-        let own = loaded.clone();
-        let make = move |_: &dyn Monitor| {
-            let bytes = model.bytes_of_many();
-            Ok((own.weighted(&model, weights, goal)?, bytes))
+        let (block, faces) = (loaded.kind().block() as u64, loaded.surface.surface.faces() as u64);
+        let full: Option<Arc<FullSpace>> = match request.needs_full_space(loaded.has_room()) {
+            false => None,
+            true => Some(full_space(state, loaded).await?),
         };
-        cache::kept(state, "weights", &key, make).await?
-    } else {
-        // Without weights per face everything is diagonal: nothing is worth keeping.
-        Arc::new(loaded.weighted(&model, weights, goal)?)
-    };
-    let (block, faces) = (loaded.kind().block() as u64, loaded.surface.surface.faces() as u64);
-    let full: Option<Arc<FullSpace>> = match request.needs_full_space(loaded.has_room()) {
-        false => None,
-        true => Some(full_space(state, loaded).await?),
-    };
-    let mut memory = state.memory();
-    if let Some(full) = &full {
-        // The factors themselves are counted where they are kept.
-        body::reserve(&mut memory, 8 * VECTORS * block * faces + full.bytes_of_making())?;
-    }
-    let (loaded, request) = (loaded.clone(), request.clone());
-    let solve = move |monitor: &dyn Monitor| {
-        let _memory = memory;
-        let patient = Patience::new(patience::USUAL, monitor);
-        let (wanted, monitors) = ((constraints, coefficients), (&patient as &dyn Monitor, monitor));
-        let undone = "The design was not compared with the whole surface";
-        let instead = "Ask for a larger tolerance, or leave out refine and error.";
-        let too_long = patience::too_long("refine", patience::USUAL, undone, instead);
-        let designed =
-            loaded.answer_within(full.as_deref(), &weighted, &request, wanted, monitors).map_err(too_long)?;
-        Ok(loaded.exactly(exact, designed))
-    };
-    state.solve("design", solve).await
+        let mut memory = state.memory();
+        if let Some(full) = &full {
+            // The factors themselves are counted where they are kept.
+            body::reserve(&mut memory, 8 * VECTORS * block * faces + full.bytes_of_making())?;
+        }
+        let (loaded, request) = (loaded.clone(), request.clone());
+        let solve = move |monitor: &dyn Monitor| {
+            let _memory = memory;
+            let patient = Patience::new(patience::USUAL, monitor);
+            let (wanted, monitors) = ((constraints, coefficients), (&patient as &dyn Monitor, monitor));
+            let undone = "The design was not compared with the whole surface";
+            let instead = "Ask for a larger tolerance, or leave out refine and error.";
+            let too_long = patience::too_long("refine", patience::USUAL, undone, instead);
+            let designed =
+                loaded.answer_within(full.as_deref(), &weighted, &request, wanted, monitors).map_err(too_long)?;
+            Ok(loaded.exactly(exact, designed))
+        };
+        state.solve("design", solve).await
+    })
 }
 
 /// All fields of the surface of a basis, which are kept.

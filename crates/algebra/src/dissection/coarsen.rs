@@ -1,6 +1,6 @@
 //! A coarser picture of a graph: pairs of vertices with heavy edges between them become one.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::graph::{Graph, mix};
 

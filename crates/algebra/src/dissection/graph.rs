@@ -1,6 +1,6 @@
 //! Undirected graphs with weights, as matrices and their coarser pictures have them.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use crate::SparseMatrix;
 

@@ -1,6 +1,6 @@
 //! A small separator of a graph by a hierarchy of coarser graphs.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::coarsen::coarsened;
 use super::graph::{Graph, mix};

@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::super::factor::{FactorNumbers, Node, SymbolicFactor};
 use super::super::factor_solve::{Parts, Stretch};

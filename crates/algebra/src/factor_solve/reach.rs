@@ -3,8 +3,8 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use chladni_base::parallel::*;
 use pulp::Simd;
-use rayon::prelude::*;
 
 use super::super::KRYLOV_WIDTH;
 use super::super::factor::{FactorNumbers, SymbolicFactor};

@@ -1,7 +1,7 @@
 //! Solving for eight right-hand sides on all threads. Subtrees of the elimination tree have nothing in common but rows above them: each is eliminated
 //! by itself, with a copy of these rows, and what they share comes after.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::super::KRYLOV_WIDTH;
 use super::super::factor::{Factor, Node, SymbolicFactor};

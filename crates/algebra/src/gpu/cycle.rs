@@ -1,7 +1,7 @@
 //! The multigrid cycle of [`Multigrid`] on the device: the same levels, steps and factors, a panel of columns at a time. Where the CPU takes a patch
 //! through all steps while it is in the cache, a card takes all rows through each step.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::device::{Buffer, Device};
 use super::error::GpuError;

@@ -2,7 +2,7 @@
 //! columns at a time, so that no more than a few numbers a column come back.
 
 use chladni_base::Monitor;
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::cycle::DeviceCycle;
 use super::device::{Buffer, Device};

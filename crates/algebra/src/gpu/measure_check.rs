@@ -1,6 +1,6 @@
 //! One column of what a device has measured, computed anew on the CPU: a card that sums up wrongly must not prove anything.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::error::GpuError;
 use super::pair_sums::{EnclosureSums, MeasuredPairs, MeasuredPencil, MeasuredTrees, ResidualSums};
@@ -153,7 +153,10 @@ fn by_trees(
         }
         sum
     };
-    trees.patches.par_windows(2).map(patch).reduce(|| (0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1))
+    (1..trees.patches.len())
+        .into_par_iter()
+        .map(|end| patch(&trees.patches[end - 1..=end]))
+        .reduce(|| (0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1))
 }
 
 /// A row of a product, and the sum of the magnitudes of its terms.

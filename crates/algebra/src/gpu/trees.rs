@@ -1,7 +1,7 @@
 //! What a correction leaves of residuals, measured by trees on the device: a group of threads takes a panel through a patch, level by level, from the
 //! leaves to the roots.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::device::{Buffer, Device};
 use super::error::GpuError;
@@ -82,7 +82,8 @@ impl DeviceTrees {
     /// Where a row hangs on itself in a circle.
     pub(super) fn new(device: &Device, trees: &MeasuredTrees<'_>, ratio: f64, width: usize) -> Result<Self, GpuError> {
         let one = |ends: &[u32]| Levels::of(&trees.nodes[ends[0] as usize..ends[1] as usize], ends[0]);
-        let patches: Vec<Levels> = trees.patches.par_windows(2).map(one).collect();
+        let patches: Vec<Levels> =
+            (1..trees.patches.len()).into_par_iter().map(|end| one(&trees.patches[end - 1..=end])).collect();
         let (mut begins, mut levels) = (vec![0u32], Vec::new());
         let mut nodes = Vec::with_capacity(4 * trees.nodes.len());
         for patch in &patches {

@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use chladni_base::Monitor;
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::factor::{Node, SymbolicFactor};
 use super::factor_symbolic::Lower;

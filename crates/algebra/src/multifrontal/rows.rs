@@ -1,7 +1,7 @@
 //! What is read off a front once its columns were eliminated: growth, inertia, and how large rounding errors of its rows may be.
 
+use chladni_base::parallel::*;
 use pulp::Simd;
-use rayon::prelude::*;
 
 use super::super::factor::{Node, SymbolicFactor};
 use super::Plan;

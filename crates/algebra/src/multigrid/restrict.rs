@@ -1,6 +1,6 @@
 //! The pencil of a coarse level: its restriction to a prolongation of a few entries a row.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use crate::SparseMatrix;
 

@@ -2,7 +2,7 @@
 //! where there are fewer panels.
 
 use chladni_base::Spare;
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::CycleRow;
 use super::smoother::Buffers;

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::{Attributes, Layer, NONE};
 use crate::TriangleMesh;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::extent::{bounding_box, total_area};
 use super::{CheckOptions, Merge, MeshError};

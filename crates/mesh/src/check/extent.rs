@@ -2,7 +2,7 @@
 
 use std::ops::Add;
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 /// Twice the area of a face.
 pub(super) fn doubled_area(positions: &[[f64; 3]], face: [u32; 3]) -> f64 {

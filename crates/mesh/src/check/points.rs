@@ -1,7 +1,7 @@
 //! The check of points without faces.
 
 use chladni_base::Unwatched;
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::examine::{Examined, Found, tally};
 use super::extent::{bounding_box, total_area};

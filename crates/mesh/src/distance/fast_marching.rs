@@ -1,6 +1,6 @@
 //! Distances triangle by triangle.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::DistanceWorkspace;
 use crate::TriangleMesh;

@@ -1,6 +1,6 @@
 //! Short-term vector Dijkstra (Campen et al. 2013).
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::{DistanceGeometry, DistanceWorkspace};
 use crate::TriangleMesh;

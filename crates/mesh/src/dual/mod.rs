@@ -9,7 +9,7 @@ mod tests;
 
 pub use grow::DiskGrower;
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::TriangleMesh;
 use super::connectivity::Connectivity;

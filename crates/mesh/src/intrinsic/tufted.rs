@@ -1,7 +1,7 @@
 //! The tufted cover: two copies of every face, back to back, glued to the neighbours that they face. Whatever the mesh, each edge
 //! of the cover has two sides, and it has no boundary (Sharp and Crane 2020, section 3).
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 use std::cmp::Ordering;
 
 use super::{CoverError, IntrinsicTriangulation, Rim, TriangleShape, distance, proper_faces};

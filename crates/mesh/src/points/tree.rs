@@ -1,6 +1,6 @@
 //! The nearest points: a tree of halves.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 /// Points of a leaf, at most.
 const LEAF: usize = 16;

@@ -2,7 +2,7 @@
 
 use std::cmp::Ordering;
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use crate::TriangleMesh;
 

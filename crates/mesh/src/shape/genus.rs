@@ -3,7 +3,7 @@
 use super::{TORUS_MAJOR_RADIUS, TORUS_MINOR_RADIUS};
 use crate::TriangleMesh;
 use crate::topology::{EdgeTable, Topology};
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 /// How far apart two surfaces are where they begin to blend.
 const BLEND: f64 = 0.35;

@@ -5,7 +5,7 @@ use chladni_algebra::{
     residual_panel, subtract_combinations,
 };
 use chladni_base::Monitor;
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::error::AnalysisError;
 use super::mode_gradient::COINCIDE;

@@ -3,7 +3,7 @@
 //! A slope that is wrong in a small place, such as a narrow bridge, makes all distances behind it wrong. Where one goes down the steepest way, the
 //! length of the path is what the distance should be.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::unit_gradients::UnitGradients;
 

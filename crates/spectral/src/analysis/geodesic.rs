@@ -9,9 +9,9 @@
 //! the shortest at which all its corners are warm enough.
 
 use chladni_algebra::{DenseMatrix, vectorized};
+use chladni_base::parallel::*;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::points::are_points;
-use rayon::prelude::*;
 
 use super::distance::nearest;
 use super::error::{self, AnalysisError};

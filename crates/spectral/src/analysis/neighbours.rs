@@ -10,7 +10,7 @@
 use std::ops::Range;
 
 use chladni_algebra::{DenseMatrix, vectorized};
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 /// Points that stand side by side.
 const LANES: usize = 32;

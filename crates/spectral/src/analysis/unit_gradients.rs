@@ -1,8 +1,8 @@
 //! The field of unit vectors against the gradient of heat, as far as a Poisson equation needs it: its integrated divergence.
 
 use chladni_algebra::vectorized;
+use chladni_base::parallel::*;
 use chladni_mesh::intrinsic::IntrinsicTriangulation;
-use rayon::prelude::*;
 
 /// Triangles that are handled side by side.
 const AT_ONCE: usize = 16;

@@ -320,7 +320,7 @@ impl Motion {
 
     /// Samples `Σ_i w_i q̈_i` of the modes with a weight, at `rate` a time unit, `count` of them, from time 0 on.
     pub(super) fn accelerations(&self, weights: &[f64], rate: f64, count: usize) -> Vec<f64> {
-        use rayon::prelude::*;
+        use chladni_base::parallel::*;
         // Some modes a task; tasks are added up in their order.
         let modes: Vec<usize> = (0..self.oscillators.len()).filter(|&mode| weights[mode] != 0.0).collect();
         let parts: Vec<Vec<f64>> = modes

@@ -7,7 +7,7 @@ use chladni_algebra::{
     DenseMatrix, LIFT_WIDTH, MassMatrix, RowLifter, row_parts, space_times, space_times_single,
     space_transposed_mass_times,
 };
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::dense::{Real, Visit};
 use super::{Basis, ColumnError, Compact, DenseFunctions, Functions};

@@ -1,7 +1,7 @@
 //! A family of operators restricted to one subspace.
 
 use chladni_algebra::{DenseMatrix, MassMatrix, row_parts};
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 /// `S`, `A` and the curvature potential `V` in one space of `d` functions on `n` vertices, in the Ritz coordinates of `S`.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,7 +1,7 @@
 //! A sparse basis of tangential fields, stored face by face.
 
 use chladni_algebra::{SparseMatrix, vectorized};
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 /// Faces that one task handles.
 const FACES_PER_TASK: usize = 4096;

@@ -1,7 +1,7 @@
 //! Vibration modes: eigenfunctions with three numbers a vertex, kept compactly or densely.
 
 use chladni_algebra::{DenseMatrix, SparseMatrix};
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::BasisError;
 

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use chladni_algebra::{
     DenseMatrix, LIFT_WIDTH, MassMatrix, RowLifter, SparseMatrix, row_parts, space_transposed_mass_times, vectorized,
 };
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::dense::{Real, Visit};
 use super::{Basis, BasisError, Compact, Functions};

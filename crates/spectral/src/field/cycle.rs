@@ -4,8 +4,8 @@
 //! is a Chebyshev polynomial, the same before and after the coarse correction: a cycle is symmetric and positive definite.
 
 use chladni_algebra::{BlockMatrix, DefiniteFactor, DenseMatrix};
+use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor};
-use rayon::prelude::*;
 
 use super::hierarchy::{Level, row_scales};
 use super::smooth::{CYCLE_DEGREE, CYCLE_LEAST, Rows, Small, chebyshev};

@@ -15,8 +15,8 @@ use chladni_algebra::{
     CpuSolver, DefiniteError, DenseMatrix, EigenError, FactorError, GalerkinError, SparseMatrix,
     SymmetricDefiniteSolver, solve_definite, vectorized,
 };
+use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor};
-use rayon::prelude::*;
 
 use crate::basis::{FieldBasis, RitzFields};
 use crate::operator::frames::Planar;

@@ -8,7 +8,7 @@ use chladni_algebra::{
     BlockMatrix, ColumnTree, FactorError, FactorNumbers, HalfSolved, MassMatrix, Ordering, ReachTree, Sides,
     SparseMatrix, SymbolicFactor, fill_reducing_order,
 };
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::pencil::within_surfaces;
 use crate::operator::transport::FieldKind;

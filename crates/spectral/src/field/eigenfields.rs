@@ -8,7 +8,7 @@
 
 use chladni_algebra::{DenseMatrix, lowest_symmetric};
 use chladni_base::Monitor;
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::design::{DesignError, length};
 use super::kernel::Kernel;

@@ -12,7 +12,7 @@
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::dual::{DiskGrower, DualGraph, NO_FACE};
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::operator::frames::{FaceFrames, Turn};

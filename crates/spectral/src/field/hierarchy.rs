@@ -2,9 +2,9 @@
 //! products (smoothed aggregation, Vaněk et al. 1996).
 
 use chladni_algebra::{Block, BlockMatrix, BlockPlaces, add_product};
+use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::dual::{DualGraph, NO_FACE};
-use rayon::prelude::*;
 
 use crate::operator::frames::{FaceFrames, Turn};
 use crate::operator::tangential::FieldOperator;

@@ -5,8 +5,8 @@
 //! first field has on each component the first one of that, and nothing on components without.
 
 use chladni_algebra::{BlockMatrix, DenseMatrix, lowest_symmetric};
+use chladni_base::parallel::*;
 use chladni_base::{Monitor, SplitMix64, Unwatched};
-use rayon::prelude::*;
 
 use super::design::DesignError;
 use super::direct::{Direct, ShiftedFactor};

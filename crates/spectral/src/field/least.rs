@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use chladni_algebra::{DenseMatrix, HalfSolved};
 use chladni_base::Monitor;
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::design::{Constraint, Design, DesignError};
 use super::direct::{Direct, IdleSolves, ShiftedFactor};

@@ -4,7 +4,7 @@ use chladni_algebra::{Block, BlockMatrix, add_product, transposed};
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::dual::{DiskGrower, DualGraph};
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::operator::frames::FaceFrames;

@@ -13,7 +13,7 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use chladni_algebra::{DefiniteError, DefiniteFactor, DenseMatrix, SparseMatrix, solve_definite};
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::constraints::HARD;
 use super::design::{Constraint, DesignError, DesignModel, EnergyWeights, FIRM, Hold, add_row};

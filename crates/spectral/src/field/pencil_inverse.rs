@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use chladni_algebra::{FactorNumbers, HalfSolved, PANEL_WIDTH, Sides};
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::pencil::{Structure, Sum};
 use super::roots::Roots;

@@ -4,9 +4,9 @@ use chladni_algebra::{
     ColumnTree, FactorError, FactorNumbers, MassMatrix, Ordering, PANEL_WIDTH, PanelMatrix, SparseMatrix,
     SymbolicFactor, fill_reducing_order,
 };
+use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::dual::OneSided;
-use rayon::prelude::*;
 
 use super::basis::FieldSurface;
 use super::pencil::within_surfaces;

@@ -8,7 +8,7 @@ use std::sync::{Arc, OnceLock};
 
 use chladni_algebra::BlockMatrix;
 use chladni_base::Monitor;
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::cycle::{Cycles, Shifted};
 use super::design::DesignError;

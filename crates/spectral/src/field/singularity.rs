@@ -5,7 +5,7 @@
 //! computed once and seen from both ends with opposite signs, the indices of a closed surface add up to its Euler characteristic exactly. A mirror
 //! image of a field has the same indices, so that they are there, with their signs, where a surface has only one side.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use crate::operator::frames::{Planar, conjugate, multiply};
 use crate::operator::transport::{FieldKind, turn};

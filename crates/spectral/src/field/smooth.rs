@@ -2,7 +2,7 @@
 //! zero outside, for its `B` right-hand sides at once, in single precision.
 
 use chladni_algebra::{BlockMatrix, inverse_positive, vectorized};
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::hierarchy::{Level, norm, row_scales};
 use super::space::Column;

@@ -9,7 +9,7 @@
 //! their sum; tensors have a real one for their trace beside that of their deviator. Spaces of the Hodge–Laplacian stay as they are: what it has as
 //! kernel are the harmonic fields, which are dense columns.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use crate::operator::frames::{Planar, conjugate, multiply, normalise};
 use crate::operator::transport::FieldKind;

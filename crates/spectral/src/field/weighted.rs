@@ -7,7 +7,7 @@ mod whole;
 use std::sync::{Arc, OnceLock};
 
 use chladni_algebra::{DenseMatrix, FactorError, SparseMatrix};
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use crate::basis::FieldBasis;
 use crate::operator::frames::Planar;

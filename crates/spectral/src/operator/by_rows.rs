@@ -3,7 +3,7 @@
 //! The matrix of a surface of millions of vertices, and what it is assembled from, take several times what the surface itself does. Whoever works on one
 //! part of the surface after the other needs no more of it than the rows of that part. They are those of [`assemble`](super::assemble()) to the last bit.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::assembly::{Quality, check, choose, refined};
 use super::corners::Corners;

@@ -2,9 +2,9 @@
 
 use chladni_algebra::SparseMatrix;
 use chladni_base::Monitor;
+use chladni_base::parallel::*;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::points::are_points;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::assembly::{Triangles, assemble_on};

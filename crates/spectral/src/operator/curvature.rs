@@ -5,8 +5,8 @@
 //! the two faces at edge `k`; an edge that has not two faces takes the normal of its own. That of a vertex is the mean over its faces,
 //! weighted by area, each turned into the plane of the vertex. A sphere with outward normals has positive curvatures.
 
+use chladni_base::parallel::*;
 use chladni_mesh::TriangleMesh;
-use rayon::prelude::*;
 
 use super::corners::Corners;
 use super::frames::{cross, dot, minus};

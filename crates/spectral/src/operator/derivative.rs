@@ -9,10 +9,10 @@
 
 use std::ops::Range;
 
+use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::intrinsic::TriangleShape;
 use chladni_mesh::{TetMesh, TriangleMesh};
-use rayon::prelude::*;
 
 use super::MassKind;
 use super::frames::{cross, dot, minus};

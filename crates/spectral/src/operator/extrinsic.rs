@@ -11,7 +11,7 @@
 //! | source | thesis, eq. 2.13 |
 
 use chladni_algebra::SparseMatrix;
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 /// `(1 − t) S + t A`. `normals` are unit vectors, one for each row of `stiffness`.
 pub fn blend(stiffness: &SparseMatrix, normals: &[[f64; 3]], t: f64) -> SparseMatrix {

@@ -3,9 +3,9 @@
 //! The frame of a face: `x` its normalised first edge, from corner 0 to corner 1, and `y = n × x` (thesis, appendix 3.A). `J` turns by
 //! +90° in it. A vector field is two numbers per face, a symmetric tensor field three.
 
+use chladni_base::parallel::*;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::dual::{DualGraph, NO_FACE};
-use rayon::prelude::*;
 
 use super::OperatorError;
 

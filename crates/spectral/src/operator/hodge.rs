@@ -9,9 +9,9 @@
 //! which.
 
 use chladni_algebra::{Block, BlockMatrix, MassMatrix, SparseMatrix};
+use chladni_base::parallel::*;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::dual::{DualGraph, NO_FACE};
-use rayon::prelude::*;
 
 use super::EigenProblem;
 use super::frames::FaceFrames;

@@ -9,7 +9,7 @@
 //! | valid for | any triangles, manifold or not; orientation does not matter |
 //! | source | Pinkall and Polthier 1993; Meyer et al. 2003 for the Voronoi mass |
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::corners::Corners;
 pub use super::shapes::MASSLESS;

@@ -1,6 +1,6 @@
 //! Whether the faces around each vertex and edge make a surface, and where that surface ends.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::corners::Corners;
 

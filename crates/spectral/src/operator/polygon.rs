@@ -14,9 +14,9 @@
 //! them, `S = Pᵀ S' P` and `M = Pᵀ M' P` for the cotangents of the finer mesh. No diagonal is preferred.
 
 use chladni_algebra::SparseMatrix;
+use chladni_base::parallel::*;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::polygons::Loops;
-use rayon::prelude::*;
 
 use super::curvature::Surface;
 use super::frames::{cross, dot};

@@ -3,8 +3,8 @@
 //! The triangles may be those of a mesh, or those of an intrinsic triangulation, where a triangle may meet a vertex more than once.
 
 use chladni_algebra::SparseMatrix;
+use chladni_base::parallel::*;
 use chladni_mesh::intrinsic::TriangleShape;
-use rayon::prelude::*;
 
 use super::corners::Corners;
 use super::{MassKind, MassMatrix};

@@ -3,7 +3,7 @@
 //! The gradient at a vertex is the tangent vector `g` that explains the differences along its edges best: least squares of `eⱼ·g = f(j) − f(i)` over
 //! its neighbours `j`, `eⱼ` being the edge in the frame of the vertex, with `ε|g|²` added so that a single edge suffices.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::OperatorError;
 

@@ -11,9 +11,9 @@
 
 use chladni_algebra::SparseMatrix;
 use chladni_base::Monitor;
+use chladni_base::parallel::*;
 use chladni_mesh::TetMesh;
 use chladni_mesh::solid::surface;
-use rayon::prelude::*;
 
 use super::choice::{Laplacian, OperatorReport, Reason};
 use super::frames::{cross, dot, minus};

@@ -4,7 +4,7 @@
 //! residuals in the norm that belongs to them ([`energy`](super::energy)), rounding enclosed. Ritz values are besides upper bounds: the k-th exact
 //! eigenvalue is at most the k-th Ritz value.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::energy::{Density, Energy, Measure};
 use crate::basis::Certificate;

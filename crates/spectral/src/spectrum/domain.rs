@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use chladni_mesh::{TetMesh, TriangleMesh};
 

@@ -26,7 +26,7 @@ mod on_device;
 mod part;
 mod rows;
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, OnceLock, PoisonError};
 

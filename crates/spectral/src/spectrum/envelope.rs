@@ -8,8 +8,8 @@
 //! function (at a crease, where `K` has a delta potential `c`, both slopes jump by `c` times the value, so the quotient has no kink).
 
 use chladni_algebra::SparseMatrix;
+use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor};
-use rayon::prelude::*;
 
 use super::domain::Domain;
 use crate::operator::{EigenProblem, MeshOperator};

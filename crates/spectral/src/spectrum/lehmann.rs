@@ -13,7 +13,7 @@
 //! count is enough for any number of pairs. Where more eigenvalues were counted than Ritz values lie below the pole, the indices shift by the
 //! difference: bounds hold, and are wider. That `VᵀMV` and `VᵀAV` are diagonal up to rounding alone is part of the bound.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 use std::ops::Range;
 
 use super::approximate::{ApproximationError, Ritz};

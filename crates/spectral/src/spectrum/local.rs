@@ -2,8 +2,8 @@
 
 use chladni_algebra::SparseMatrix;
 use chladni_base::SplitMix64;
+use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor};
-use rayon::prelude::*;
 
 /// Weights at or below this are left out.
 const LEAST_WEIGHT: f64 = 1e-3;

@@ -7,9 +7,9 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use chladni_algebra::SparseMatrix;
+use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor, SplitMix64};
 use chladni_mesh::TriangleMesh;
-use rayon::prelude::*;
 
 use super::hsim::{self, Eigenpairs, HsimError, HsimParameters, Variant, Wanted};
 use super::local::{self, Search};

@@ -7,13 +7,13 @@ use std::collections::{BinaryHeap, HashMap};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use chladni_algebra::SparseMatrix;
+use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor, Spare};
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::connectivity::Connectivity;
 use chladni_mesh::distance::{DistanceGeometry, DistanceKind, DistanceWorkspace};
 use chladni_mesh::measure::{surface_area, vertex_areas};
 use chladni_mesh::sample::{farthest_points, poisson_disk, sort_spatially, well_spread_points};
-use rayon::prelude::*;
 
 /// The weight of a vertex by its distance from the sample, as a share of the support radius (appendix 2.A). All are 1 at the
 /// sample.

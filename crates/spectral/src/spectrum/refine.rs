@@ -8,8 +8,8 @@ use chladni_algebra::{
     SymmetricDefiniteSolver, fill_reducing_order, gpu, mass_times_panel, residual_panel, residual_sums,
 };
 use chladni_base::notes::FALLBACKS;
+use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor, Quiet};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::approximate::{ApproximationError, ApproximationParameters, Ritz, rounding, search};

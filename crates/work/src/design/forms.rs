@@ -1,9 +1,9 @@
 //! Stored numbers of a field as a user reads them, face after face.
 
+use chladni_base::parallel::*;
 use chladni_spectral::field::{roots, tensor_axes};
 use chladni_spectral::operator::frames::FaceFrames;
 use chladni_spectral::operator::transport::FieldKind;
-use rayon::prelude::*;
 use serde::Deserialize;
 
 /// How a field is written.

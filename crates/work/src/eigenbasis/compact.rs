@@ -5,9 +5,9 @@ use chladni_algebra::{
     solve_definite, space_times, space_transposed_mass_times,
 };
 use chladni_base::Monitor;
+use chladni_base::parallel::*;
 use chladni_spectral::basis::Compact;
 use chladni_spectral::spectrum::hsim::HsimError;
-use rayon::prelude::*;
 
 use crate::JobError;
 

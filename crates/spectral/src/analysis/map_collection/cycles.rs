@@ -1,6 +1,6 @@
 //! How consistent maps of points are: walks from shape to shape and back to the first.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::{CollectionMap, Samples, Shape};
 use crate::basis::CycleErrors;

@@ -18,8 +18,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use chladni_algebra::DenseMatrix;
 use chladni_base::Monitor;
+use chladni_base::parallel::*;
 use chladni_mesh::TriangleMesh;
-use rayon::prelude::*;
 
 pub use self::cost::CollectionCost;
 use self::known::Known;

@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
+use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor, SplitMix64};
-use rayon::prelude::*;
 
 use crate::operator::frames::{dot, unit_vector};
 

@@ -8,8 +8,8 @@ use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
+use chladni_base::parallel::*;
 use chladni_mesh::dual::NO_FACE;
-use rayon::prelude::*;
 
 use super::super::basis::FieldSurface;
 use super::super::harmonic::rim;

@@ -7,7 +7,7 @@
 
 use std::f64::consts::TAU;
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::super::basis::FieldSurface;
 use super::super::singularity::least_angles;

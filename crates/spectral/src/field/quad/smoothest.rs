@@ -5,8 +5,8 @@
 //! quotient of energy and length is made least, from a field of the coarsest level on.
 
 use chladni_algebra::{Block, BlockMatrix, DefiniteFactor, DenseMatrix};
+use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor, SplitMix64};
-use rayon::prelude::*;
 
 use super::super::basis::FieldSurface;
 use super::super::cycle::Cycles;

@@ -4,7 +4,7 @@
 //! give the cotangent Laplacian for `u` and for `v` alone; only corners beyond a seam mix the two.
 
 use chladni_algebra::SparseMatrix;
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::super::basis::FieldSurface;
 use super::super::loops::{Sets, ends};

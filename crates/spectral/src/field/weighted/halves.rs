@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use chladni_algebra::{DenseMatrix, Sides};
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::super::constraints::Condition;
 use super::super::design::DesignError;

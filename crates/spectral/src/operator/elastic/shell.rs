@@ -57,7 +57,7 @@ pub(super) fn elements<'a>(
 
     let (beyond, held_edges) = neighbours(mesh, &sound, held);
     let faces: Vec<Face> = {
-        use rayon::prelude::*;
+        use chladni_base::parallel::*;
         let poisson = material.poisson;
         let rigidity = (thickness / length).powi(2) / (12.0 * (1.0 - poisson * poisson));
         let around = Surroundings { mesh, beyond: &beyond, scale: 1.0 / length, poisson };

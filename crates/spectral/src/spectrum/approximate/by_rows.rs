@@ -4,7 +4,7 @@
 //! restricted matrices, to the last bit. Of a single piece they are those of a space in one piece. A part keeps the rows of the space that it measures
 //! with as they come by.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::super::domain::Domain;
 use super::super::hats;

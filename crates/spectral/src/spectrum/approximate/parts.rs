@@ -10,7 +10,7 @@
 
 use std::borrow::Cow;
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::super::certificate::{KERNEL, certificate_of, gram_defect, infinity_norm_of};
 use super::super::domain::Domain;

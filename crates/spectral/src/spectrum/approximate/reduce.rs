@@ -1,6 +1,6 @@
 //! The lowest Ritz pairs in a space.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::super::domain::Domain;
 use super::super::hats;

@@ -7,7 +7,7 @@
 //! Where triangles differ in size by many orders of magnitude, cycles in single precision leave too much of `E`, and a factor takes their place. `Y`
 //! is then kept as the sum of two columns in single precision, and of `E`, which is next to nothing, the norms are enough.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::direct::Solver;

@@ -3,7 +3,7 @@
 //! Where triangles differ in size by many orders of magnitude, what four cycles leave of `r − Ay` is divided by masses next to nothing, and the bound
 //! says no more than that something is there. A factor of `A` closes it; the enclosure holds for any `y`, so that nothing rests on the factor.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::super::approximate::ApproximationError;
 use super::super::shifted::ShiftedPencil;

@@ -11,7 +11,7 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::obtuse::Obtuse;
 use chladni_algebra::gpu::TreeNode;

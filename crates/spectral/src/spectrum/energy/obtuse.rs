@@ -5,7 +5,7 @@
 //! obtuse angle gives away all that it has. So an edge may be taken for what its triangles give together.
 
 use chladni_base::Spare;
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use crate::operator::{EigenProblem, laplace};
 use chladni_mesh::TriangleMesh;

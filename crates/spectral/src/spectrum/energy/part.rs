@@ -8,7 +8,7 @@
 use std::collections::HashMap;
 use std::sync::OnceLock;
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::rows::{PairResidual, rounding_weights};
 use super::{Energy, Forest, KernelAndGoal, Measure, Obtuse, conclude, over_panels, sigma};

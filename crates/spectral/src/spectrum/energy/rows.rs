@@ -4,7 +4,7 @@ use super::forest::{Forest, Pivot, Pivots};
 use super::{Energy, MASS_ROUNDING, SINGLE};
 use chladni_algebra::gpu::{EnclosureSums, ResidualSums};
 use chladni_algebra::{CYCLE_WIDTH, CycleRow, LIFT_WIDTH, MassMatrix, Patch, SparseMatrix, vectorized};
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 /// What is enclosed on a patch.
 #[derive(Clone, Copy)]

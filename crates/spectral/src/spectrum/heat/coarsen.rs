@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, VecDeque};
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::level::Level;
 use chladni_base::{Cancelled, Monitor};

@@ -1,6 +1,6 @@
 //! One level of the hierarchy: a weighted graph with masses, in single precision and on unit area.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::HeatError;
 use super::coarsen::{Surface, element_weights};

@@ -22,7 +22,7 @@ mod tests;
 
 use std::borrow::Borrow;
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::radial::Grown;
 use crate::operator::{EigenProblem, LaplacianByRows};

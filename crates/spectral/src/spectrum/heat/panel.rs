@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use chladni_algebra::simd::{Arch, Simd, WithSimd};
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::assemble::{Kept, Part, WidestRows, assemble};
 use super::level::Level;

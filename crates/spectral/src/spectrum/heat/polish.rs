@@ -6,7 +6,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use chladni_algebra::simd::{Arch, Simd, WithSimd};
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::coarsen::Coarsening;
 use super::level::Level;

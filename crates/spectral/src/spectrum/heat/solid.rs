@@ -4,7 +4,7 @@
 //! which most files have, tie the values at their corners together by a linear relation that is no mean: columns that follow it have negative entries, and what
 //! is cut off near them must be smaller than elsewhere. Without negative entries, eigenvalues of bunny-tet.mesh are 20 % too high; with them .1 %.
 
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::assemble::Kept;
 use super::level::Level;

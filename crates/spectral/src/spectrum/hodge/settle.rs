@@ -8,10 +8,10 @@ use chladni_algebra::{
     ColumnSums, FactorError, MassMatrix, Ordering, PanelMatrix, SparseMatrix, SymbolicFactor, apply_mass,
     fill_reducing_order, residual_sums,
 };
+use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::dual::DualGraph;
-use rayon::prelude::*;
 
 use super::{FieldPart, HodgeSpectrum};
 use crate::operator::frames::FaceFrames;

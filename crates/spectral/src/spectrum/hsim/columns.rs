@@ -5,7 +5,7 @@ use chladni_algebra::{
 };
 use chladni_base::Monitor;
 use chladni_base::SplitMix64;
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::HsimError;
 

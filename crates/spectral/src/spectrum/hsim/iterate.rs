@@ -15,7 +15,7 @@ use chladni_algebra::{
     residual_sums, subtract_combinations,
 };
 use chladni_base::Monitor;
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::HsimError;
 use super::columns::{defect, lengths, normalise};

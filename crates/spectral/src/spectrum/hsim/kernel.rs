@@ -2,7 +2,7 @@
 //! the iteration, where its values would be rounding errors.
 
 use chladni_algebra::{PANEL_WIDTH, PanelMatrix, residual_sums};
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::HsimError;
 use super::columns::lengths;

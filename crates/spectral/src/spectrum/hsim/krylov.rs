@@ -4,8 +4,8 @@ use chladni_algebra::subtract_combinations;
 use chladni_algebra::{
     Factor, PANEL_WIDTH, PanelMatrix, SymbolicFactor, Weight, inner_products, mass_times_panel, restrict, rotate,
 };
+use chladni_base::parallel::*;
 use chladni_base::{Monitor, SplitMix64};
-use rayon::prelude::*;
 
 use super::HsimError;
 use super::columns::{lengths, normalise};

@@ -10,7 +10,7 @@
 //! stiff direction.
 
 use chladni_algebra::{Factor, PANEL_WIDTH, PanelMatrix, residual_panel, residual_sums, restrict, rotate};
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::HsimError;
 use super::columns::lengths;

@@ -1,7 +1,7 @@
 //! Ritz pairs in `U ⊗ I₃`, beside the rigid motions.
 
 use chladni_algebra::{CpuSolver, DenseMatrix, SparseMatrix, SymmetricDefiniteSolver, galerkin, solve_definite};
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::{ElasticProblem, Found, FoundFunctions, Monitor, RigidMotions, VibrationError};
 

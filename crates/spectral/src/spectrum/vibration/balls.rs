@@ -1,8 +1,8 @@
 //! Local functions on solids, and the factor that makes functions vanish where an object is clamped.
 
 use chladni_algebra::{MassMatrix, Ordering, PANEL_WIDTH, SparseMatrix, SymbolicFactor, fill_reducing_order};
+use chladni_base::parallel::*;
 use chladni_mesh::TetMesh;
-use rayon::prelude::*;
 
 use super::{ElasticBody, ElasticProblem, Monitor, VibrationError};
 use crate::spectrum::local::{self, Places};

@@ -7,7 +7,7 @@
 
 use chladni_algebra::{CpuSolver, DenseMatrix, SparseMatrix, SymmetricDefiniteSolver};
 use chladni_base::Unwatched;
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::ElasticProblem;
 

@@ -15,8 +15,8 @@ mod space;
 pub use lacking::KEPT_BYTES;
 
 use chladni_algebra::{DenseMatrix, EigenError, FactorError, GalerkinError, PANEL_WIDTH, residual_panel};
+use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor};
-use rayon::prelude::*;
 
 use crate::basis::modal::{FIXED, ModalBasis, ModalFunctions};
 use crate::operator::elastic::rigid::{RigidMotion, RigidMotions};

@@ -4,7 +4,7 @@ use chladni_algebra::{
     ColumnSums, DenseMatrix, Factor, PANEL_WIDTH, PanelMatrix, Weight, inner_products, residual_panel, residual_sums,
     restrict, rotate,
 };
-use rayon::prelude::*;
+use chladni_base::parallel::*;
 
 use super::super::HsimError;
 use super::super::columns::normalise;

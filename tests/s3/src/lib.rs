@@ -1,6 +1,5 @@
 //! A store that speaks S3, within the tests: each folder has one of its own, on a thread that lives as long as the process. It can be told to refuse,
 //! and to cut what it answers.
-#![allow(dead_code)]
 
 use std::{
     collections::HashMap,
