@@ -10,7 +10,7 @@ use rayon::slice;
 
 pub use rayon::iter::{IndexedParallelIterator, ParallelExtend, ParallelIterator};
 
-/// A loop whose length is known, as rayon makes it, that is run by [`halve`].
+/// A loop whose length is known, as rayon makes it, that is run by `halve`.
 ///
 /// What rayon would run itself, since it joins loops or needs positions, is wrapped once more.
 #[derive(Clone, Debug)]
