@@ -200,6 +200,8 @@ impl SymbolicFactor {
         storage: Vec<f64>,
         monitor: &dyn Monitor,
     ) -> Result<Factor<'_>, FactorError> {
+        // Room for a factor is cleared before anything else is asked.
+        monitor.checkpoint()?;
         let (shifted, largest) = self.shifted(a, b, shift);
         let plain = match &self.plan {
             Some(plan) => self.by_fronts(plan, &shifted, largest, storage, monitor),
