@@ -256,8 +256,8 @@ impl Work for FieldBasisParameters {
         let judged = if ritz > 0 { 4 * d * d + self.judging(mesh.faces).bytes() } else { 0 };
         let counted =
             surface + operator + (columns + small + products).max(blocks * (4 * b * b + 4) + ritz.max(judged));
-        // What the allocator keeps beside that changes from run to run: of icospheres of 2,562 to 40,962 vertices a process held up to a quarter more, and on
-        // small ones that is next to nothing beside the process itself.
+        // What the allocator keeps beside that varies from run to run: on icospheres of 2,562 to 40,962 vertices processes held up to a quarter more, and on
+        // small meshes the process itself outweighs all of it.
         counted + counted / 4 + (112 << 20)
     }
 
