@@ -35,6 +35,10 @@ const GPU_LIBRARIES: &str = "wgpu_core=off,wgpu_hal=off,naga=off";
 pub fn start_logs(settings: &LogSettings) -> Result<(), TelemetryError> {
     use std::io::{IsTerminal, stderr};
     use tracing_subscriber::{filter::Targets, fmt, layer::SubscriberExt, util::SubscriberInitExt};
+    if settings.log_level.contains(['[', '{']) {
+        let reason = "directives are by target and level, as in info,sqlx=warn".to_owned();
+        return Err(TelemetryError::Level { level: settings.log_level.clone(), reason });
+    }
     let filter: Targets = format!("{GPU_LIBRARIES},{}", settings.log_level).trim_end_matches(',').parse().map_err(
         |error: tracing_subscriber::filter::ParseError| TelemetryError::Level {
             level: settings.log_level.clone(),
