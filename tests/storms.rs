@@ -263,13 +263,15 @@ impl Scene {
         self.done.servers_killed += 1;
     }
 
-    /// A worker is stopped until its leases have run out, and comes back.
-    async fn zombie(&mut self) {
-        let place = self.any_worker();
-        self.workers[place].signal(Signal::STOP);
+    /// Workers, at times all of them, are stopped until their leases have run out, and come back.
+    async fn zombies(&mut self) {
+        let first = self.any_worker();
+        let count = 1 + self.any_worker();
+        let places: Vec<usize> = (first..first + count).map(|place| place % WORKERS).collect();
+        places.iter().for_each(|&place| self.workers[place].signal(Signal::STOP));
         tokio::time::sleep(LEASE + self.dice.pause(200, 2000)).await;
-        self.workers[place].signal(Signal::CONT);
-        self.done.workers_stopped += 1;
+        places.iter().for_each(|&place| self.workers[place].signal(Signal::CONT));
+        self.done.workers_stopped += count as u32;
     }
 
     /// The database crashes, and is back after a while.
@@ -373,7 +375,7 @@ async fn kills_stops_and_crashes_lose_nothing_and_do_nothing_twice() {
         match round % 10 {
             0 | 6 => scene.kill_workers(),
             1 | 7 => scene.kill_server(),
-            2 => scene.zombie().await,
+            2 => scene.zombies().await,
             3 | 8 => {
                 let away = if round % 10 == 3 { Duration::ZERO } else { scene.dice.pause(100, 3000) };
                 scene.database_crash(away).await;
@@ -401,7 +403,7 @@ async fn a_real_store_that_is_stopped_and_killed_loses_nothing() {
         tokio::time::sleep(pause).await;
         match round % 8 {
             5 => scene.kill_workers(),
-            7 => scene.zombie().await,
+            7 => scene.zombies().await,
             _ => scene.objects_away().await,
         }
     }
