@@ -57,6 +57,20 @@ def meshes():
     yield "vtk", vtk.format("BINARY", "POLYDATA").encode() + binary
     grid = "POINTS 6 float\n" + lines(VERTICES) + "CELLS 4 20\n" + lines(TETRAHEDRA, "4 ") + "CELL_TYPES 4\n10\n10\n10\n10\n"
     yield "vtk", vtk.format("ASCII", "UNSTRUCTURED_GRID") + grid
+    array = '<DataArray type="{}" Name="{}" NumberOfComponents="{}" format="{}">{}</DataArray>'
+    def in_xml(encode, form):
+        points = array.format("Float64", "Points", 3, form, encode(v.astype("<f8")))
+        corners = array.format("Int32", "connectivity", 1, form, encode(f.astype("<i4")))
+        offsets = array.format("Int64", "offsets", 1, form, encode(np.arange(3, 25, 3, dtype="<i8")))
+        kinds = array.format("UInt8", "types", 1, form, encode(np.full(8, 5, dtype="u1")))
+        piece = f'<Points>{points}</Points><Cells>{corners}{offsets}{kinds}</Cells>'
+        compressor = ' compressor="vtkZLibDataCompressor"' if encode is folded else ""
+        return f'<VTKFile type="UnstructuredGrid"{compressor}><UnstructuredGrid><Piece NumberOfPoints="6" NumberOfCells="8">{piece}</Piece></UnstructuredGrid></VTKFile>'
+    def folded(values):
+        block = zlib.compress(values.tobytes())
+        return (base64.b64encode(struct.pack("<4I", 1, 1 << 15, values.nbytes, len(block))) + base64.b64encode(block)).decode()
+    yield "vtk", in_xml(lambda values: " ".join(map(str, values.ravel())), "ascii")
+    yield "vtk", in_xml(folded, "binary")
     nodes = "".join(f"{i + 1} {x} {y} {z}\n" for i, (x, y, z) in enumerate(VERTICES))
     elements = "".join(f"{i + 1} 2 2 1 1 {a + 1} {b + 1} {c + 1}\n" for i, (a, b, c) in enumerate(FACES))
     yield "gmsh", f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n6\n{nodes}$EndNodes\n$Elements\n8\n{elements}$EndElements\n"

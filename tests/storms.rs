@@ -409,3 +409,28 @@ async fn a_real_store_that_is_stopped_and_killed_loses_nothing() {
     }
     scene.end().await;
 }
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_process_that_starts_while_the_database_is_away_waits_for_it() {
+    let _turn = TURNS.lock().await;
+    let Some(mut places) = Places::new() else { return };
+    // Once with the database itself away, and once with a pooler that is there before it.
+    for pooled in [false, true] {
+        if pooled {
+            let Some((pooler, address)) = places::Pooler::before(&places.database, places.folder.path()) else { return };
+            let direct = std::mem::replace(&mut places.database, address);
+            places.pooler = Some((direct, pooler));
+        }
+        let database = postgres::server().unwrap();
+        database.crash();
+        let back = tokio::task::spawn_blocking(|| {
+            std::thread::sleep(Duration::from_millis(700));
+            postgres::server().unwrap().start_anew();
+        });
+        let server = tokio::task::block_in_place(|| places.server());
+        back.await.unwrap();
+        let id = server.upload().await;
+        let mesh = server.client.get(format!("{}/v1/meshes/{id}", server.url)).send().await.unwrap();
+        assert_eq!(mesh.status(), 200, "pooled: {pooled}");
+    }
+}

@@ -93,14 +93,14 @@ def functions(values: Any, rows: int, what: str) -> tuple[np.ndarray, bool]:
     return np.asfortranarray(array), single
 
 
-def finite(values: np.ndarray, kept: np.ndarray, what: str) -> None:
-    """Refuses functions with a number at a kept vertex that is not finite; those at dropped ones are not looked at. `kept` tells which are kept."""
+def finite(values: np.ndarray, kept: np.ndarray, what: str, kind: str = "vertex") -> None:
+    """Refuses functions with a number at a kept vertex that is not finite; those at dropped ones are not looked at. `kept` tells which are kept, `kind` what the rows are of."""
     bad = ~np.isfinite(values).all(axis=1) & kept
     if bad.any():
         row = int(np.flatnonzero(bad)[0])
         column = int(np.flatnonzero(~np.isfinite(values[row]))[0])
         of = f" of function {column}" if values.shape[1] > 1 else ""
-        raise parameter_error(f"{what} are {values[row, column]} at vertex {row}{of}, where finite numbers are due")
+        raise parameter_error(f"{what} are {values[row, column]} at {kind} {row}{of}, where finite numbers are due")
 
 
 def vertex_list(vertices: Any, what: str, kind: str = "vertex") -> tuple[list[int], bool]:

@@ -477,6 +477,7 @@ class Basis:
         if not 0 < rows <= len(self):
             raise _arrays.parameter_error(f"coefficients have the shape {given.shape}, where up to {len(self)} rows are due")
         columns, single = _arrays.functions(given, rows, "coefficients")
+        _arrays.finite(columns, np.ones(rows, dtype=bool), "coefficients", "row")
         whole = np.zeros((len(self), columns.shape[1]), order="F")
         whole[:rows] = columns
         found = self._core.reconstruct(whole, is_nearest(extend))

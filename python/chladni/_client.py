@@ -53,6 +53,8 @@ class Client:
     def __init__(self, url: str = "http://127.0.0.1:8080", key: str | None = None, *, timeout: float = 60.0) -> None:
         if urllib.parse.urlsplit(url).scheme not in ("http", "https"):
             raise _arrays.parameter_error(f"url is {url!r}, where http:// or https:// is due")
+        if key and not (key.isascii() and key.isprintable()):
+            raise _arrays.parameter_error("key has characters that no header can carry: letters, digits and signs of ASCII are due")
         self.url, self.timeout = url.rstrip("/"), float(timeout)
         self._headers = {"Authorization": f"Bearer {key}"} if key else {}
 

@@ -82,7 +82,7 @@ class Mesh:
         Parameters
         ----------
         path : path
-            OBJ, PLY, OFF, STL, MEDIT, VTK (legacy), Gmsh, FreeSurfer, glTF, GIFTI, or arrays as NPZ or JSON; also compressed by gzip.
+            OBJ, PLY, OFF, STL, MEDIT, VTK (legacy, .vtp, .vtu), Gmsh, FreeSurfer, glTF, GIFTI, or arrays as NPZ or JSON; also compressed by gzip.
         format : str, optional
             Where neither the name nor the content tells.
         merge : {"auto", "always", "never"}

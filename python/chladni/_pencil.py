@@ -49,6 +49,9 @@ class Eigenpairs:
     def __len__(self) -> int:
         return 2
 
+    def __getitem__(self, place: int | slice) -> Any:
+        return (self.values, self.vectors)[place]
+
     def __repr__(self) -> str:
         return f"<chladni.Eigenpairs: {len(self.values)} pairs of {len(self.vectors)} rows, {self.certificate!r}>"
 

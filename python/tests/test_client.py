@@ -130,3 +130,5 @@ def test_a_server_that_is_not_there_is_named():
     assert caught.value.status == 0
     with pytest.raises(chladni.ParameterError, match="ftp"):
         chladni.Client("ftp://127.0.0.1")
+    with pytest.raises(chladni.ParameterError, match="key has characters"):
+        chladni.Client("http://127.0.0.1:9", "schlüssel")

@@ -41,6 +41,8 @@ def test_functions_are_finite_where_vertices_are_kept(knot):
             use(given)
         with pytest.raises(chladni.ParameterError, match="functions are inf at vertex 3,"):
             use(np.where(np.arange(len(given)) == 3, np.inf, 1.0))
+    with pytest.raises(chladni.ParameterError, match="coefficients are inf at row 3"):
+        basis.reconstruct([1.0, 2.0, 3.0, np.inf])
     with pytest.raises(chladni.ParameterError, match=r"transfer: values\[0\] is nan"):
         basis.filter(vertices, lambda eigenvalue: eigenvalue * np.nan)
 

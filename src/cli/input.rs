@@ -13,7 +13,7 @@ use std::sync::Arc;
 /// A mesh file and how it is read.
 #[derive(Debug, Clone, clap::Args)]
 pub struct MeshInput {
-    /// Mesh file: OBJ, PLY, OFF, STL, MEDIT, VTK (legacy), Gmsh MSH, FreeSurfer, glTF, GIFTI, or arrays as NPZ or JSON, as it is or compressed by
+    /// Mesh file: OBJ, PLY, OFF, STL, MEDIT, VTK (legacy, .vtp, .vtu), Gmsh MSH, FreeSurfer, glTF, GIFTI, or arrays as NPZ or JSON, as it is or compressed by
     /// gzip
     #[arg(value_name = "MESH")]
     pub mesh: PathBuf,

@@ -48,7 +48,8 @@ const POSTGRES: &[(&str, &str)] = &[
 pub(super) async fn run_postgres(pool: &sqlx::PgPool) -> Result<(), StoreError> {
     let failed = |error| match error {
         MigrateError::Execute(error) | MigrateError::ExecuteMigration(error, _) => StoreError::from(error),
-        other => StoreError::Unavailable { detail: format!("the tables of the database: {other}") },
+        // Tables of another version, say: no outage.
+        other => StoreError::Refused { detail: format!("the tables of the database: {other}") },
     };
     // A lock of the transaction: one of the session, as the migrator would take, may be given up on another connection where a pooler stands between.
     let mut transaction = pool.begin().await?;

@@ -1,7 +1,12 @@
 //! The records in a PostgreSQL that many processes share: connections, transactions and its clock. Nothing hangs on a session, so that a pooler may
 //! stand between; only `LISTEN` does, which has a connection of its own (`hearing.rs`).
 
-use std::{fmt, str::FromStr, sync::Arc, time::Duration};
+use std::{
+    fmt,
+    str::FromStr,
+    sync::Arc,
+    time::{Duration, Instant},
+};
 
 use sqlx::{
     ConnectOptions, Connection,
@@ -41,7 +46,8 @@ impl fmt::Debug for Postgres {
 }
 
 impl Postgres {
-    /// Connects, by `most` connections and one to hear, and brings the tables up to date.
+    /// Connects, by `most` connections and one to hear, and brings the tables up to date. A database that is not there is waited for, as one is that
+    /// is being started; one that refuses is not.
     pub async fn open(places: &SharedPlaces, most: u32, busy_timeout: Duration) -> Result<Self, StoreError> {
         let options = |address: &str| {
             PgConnectOptions::from_str(address)
@@ -58,8 +64,30 @@ impl Postgres {
                 (Pooler::ByTransaction, options(direct)?, shared.statement_cache_capacity(0).extra_float_digits(None))
             }
         };
+        let begun = Instant::now();
+        let mut told = false;
+        loop {
+            let patience = busy_timeout * 3;
+            match Self::connect([&shared, &direct], pooler, most, busy_timeout).await {
+                Err(error) if error.is_retryable() && begun.elapsed() < patience => {
+                    if !std::mem::replace(&mut told, true) {
+                        tracing::warn!(%error, "the database is waited for, {} s at most", patience.as_secs_f64());
+                    }
+                    tokio::time::sleep(Duration::from_millis(250)).await;
+                }
+                ended => return ended,
+            }
+        }
+    }
+
+    async fn connect(
+        [shared, direct]: [&PgConnectOptions; 2],
+        pooler: Pooler,
+        most: u32,
+        busy_timeout: Duration,
+    ) -> Result<Self, StoreError> {
         // A pool says only that no connection came in time; one connection says why.
-        for options in [&shared, &direct].into_iter().skip(usize::from(pooler == Pooler::Absent)) {
+        for options in [shared, direct].into_iter().skip(usize::from(pooler == Pooler::Absent)) {
             let unreachable =
                 |detail: String| StoreError::Unavailable { detail: format!("no connection to the database: {detail}") };
             let first = tokio::time::timeout(busy_timeout * 2, options.connect())
@@ -82,8 +110,8 @@ impl Postgres {
         }
         migrations::run_postgres(&first).await?;
         first.close().await;
-        let pool = connections(most.max(1)).connect_with(shared).await?;
-        Ok(Self { connections: Connections::new(pool), pooler, direct: Arc::new(direct) })
+        let pool = connections(most.max(1)).connect_with(shared.clone()).await?;
+        Ok(Self { connections: Connections::new(pool), pooler, direct: Arc::new(direct.clone()) })
     }
 
     /// For statements that are a transaction by themselves.

@@ -5,19 +5,14 @@
 use std::io::Read;
 
 use flate2::read::{GzDecoder, ZlibDecoder};
-use roxmltree::{Document, Node, ParsingOptions};
+use roxmltree::Node;
 
 use super::builder::{Builder, zero_based_index};
-use super::error::{Place, ReadError, cut, shorten};
-use super::{MeshFormat, RawMesh, ReadLimits};
+use super::error::{Place, ReadError, shorten};
+use super::{MeshFormat, RawMesh, ReadLimits, xml};
 
 /// Compressed arrays unfold to at most so many times the bytes of their text; real ones do to less than ten times.
 const UNFOLDED: usize = 24;
-
-/// The most elements, comments and the like of a text, and the most attributes: the parser makes room for as many as there are `<` and `=` before it
-/// looks at any, and compares each attribute with all others of its element. A surface has some hundreds.
-const MOST_TAGS: usize = 1 << 16;
-const MOST_ATTRIBUTES: usize = 1 << 14;
 
 fn refuse(reason: impl Into<String>) -> ReadError {
     ReadError::Arrays { format: MeshFormat::Gifti, reason: reason.into() }
@@ -32,10 +27,7 @@ pub(super) fn is_xml(bytes: &[u8]) -> bool {
 /// Reads points, and triangles if there are any.
 pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
     let text = std::str::from_utf8(bytes).map_err(|_| refuse("the text is not UTF-8"))?;
-    bounded(text)?;
-    // All GIFTI files name their DTD; nothing is fetched.
-    let options = ParsingOptions { allow_dtd: true, nodes_limit: 2 * MOST_TAGS as u32, ..ParsingOptions::default() };
-    let document = Document::parse_with_options(text, options).map_err(|error| refuse(cut(&error.to_string())))?;
+    let document = xml::parse(text, MeshFormat::Gifti)?;
     let array = |intent: &str| {
         let wanted = |node: &Node<'_, '_>| node.has_tag_name("DataArray") && node.attribute("Intent") == Some(intent);
         document.root_element().children().find(wanted)
@@ -64,22 +56,6 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
         })?;
     }
     builder.finish()
-}
-
-/// Refuses what a parser would take far more memory or time for than its length tells.
-fn bounded(text: &str) -> Result<(), ReadError> {
-    // What an entity stands for is copied, or parsed, wherever it is referred to. Files of this format name a DTD elsewhere and declare none of their own.
-    if text.contains("<!ENTITY") {
-        return Err(refuse("it declares entities, which are not read"));
-    }
-    let count = |sign: u8| text.bytes().filter(|&byte| byte == sign).count();
-    for (sign, most) in [(b'<', MOST_TAGS), (b'=', MOST_ATTRIBUTES)] {
-        let found = count(sign);
-        if found > most {
-            return Err(refuse(format!("it has {found} signs `{}`; at most {most} are read", char::from(sign))));
-        }
-    }
-    Ok(())
 }
 
 /// An array of `rows × 3` numbers.
@@ -245,6 +221,7 @@ impl<'a> Array<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::read::xml::{MOST_ATTRIBUTES, MOST_TAGS};
 
     const ASCII: &str = include_str!("data/ascii.surf.gii");
 

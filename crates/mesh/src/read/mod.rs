@@ -8,6 +8,7 @@
 //! | STL | `stl` | ASCII and binary; positions are repeated by design |
 //! | MEDIT `.mesh` | `medit` | ASCII; triangles, quadrilaterals, tetrahedra |
 //! | VTK legacy | `vtk` | ASCII and binary; polygonal data and unstructured grids |
+//! | VTK in XML (`.vtp`, `.vtu`) | `vtk_xml` | all encodings, with zlib or without; all pieces |
 //! | Gmsh MSH | `gmsh` | ASCII, versions 2 and 4.1; triangles, quadrilaterals, tetrahedra |
 //! | FreeSurfer | `freesurfer` | triangle surfaces |
 //! | glTF 2.0 | `gltf` | GLB, or JSON with its buffers inside; all nodes |
@@ -34,6 +35,9 @@ mod polygon;
 mod stl;
 mod text;
 mod vtk;
+mod vtk_arrays;
+mod vtk_xml;
+mod xml;
 
 use serde::{Deserialize, Serialize};
 
@@ -95,7 +99,7 @@ pub enum MeshFormat {
     Stl,
     /// MEDIT (INRIA) `.mesh`, ASCII.
     Medit,
-    /// VTK's legacy format, ASCII or binary.
+    /// VTK: its legacy format, or XML (`.vtp`, `.vtu`).
     Vtk,
     /// Gmsh's MSH, ASCII.
     Gmsh,
@@ -173,7 +177,7 @@ impl MeshFormat {
             "off" | "coff" | "noff" => Some(MeshFormat::Off),
             "stl" => Some(MeshFormat::Stl),
             "mesh" | "medit" => Some(MeshFormat::Medit),
-            "vtk" => Some(MeshFormat::Vtk),
+            "vtk" | "vtp" | "vtu" => Some(MeshFormat::Vtk),
             "msh" | "gmsh" => Some(MeshFormat::Gmsh),
             // FreeSurfer's files end in what the surface is.
             "freesurfer" | "fsurf" | "surf" | "pial" | "white" | "orig" | "smoothwm" | "inflated" | "sphere" => {
@@ -244,6 +248,7 @@ impl MeshFormat {
         match text.token() {
             word if word.starts_with(b"{") && gltf::is_json(bytes) => Some(MeshFormat::Gltf),
             word if word.starts_with(b"<") && gifti::is_xml(bytes) => Some(MeshFormat::Gifti),
+            word if word.starts_with(b"<") && vtk_xml::is_xml(bytes) => Some(MeshFormat::Vtk),
             word if word.starts_with(b"{") => Some(MeshFormat::Json),
             b"solid" => Some(MeshFormat::Stl),
             b"$MeshFormat" => Some(MeshFormat::Gmsh),
@@ -314,6 +319,7 @@ pub fn read(bytes: &[u8], format: MeshFormat, limits: &ReadLimits) -> Result<Raw
         MeshFormat::Off => off::read(bytes, limits),
         MeshFormat::Stl => stl::read(bytes, limits),
         MeshFormat::Medit => medit::read(bytes, limits),
+        MeshFormat::Vtk if vtk_xml::is_xml(bytes) => vtk_xml::read(bytes, limits),
         MeshFormat::Vtk => vtk::read(bytes, limits),
         MeshFormat::Gmsh => gmsh::read(bytes, limits),
         MeshFormat::FreeSurfer => freesurfer::read(bytes, limits),
@@ -359,7 +365,7 @@ mod tests {
 
     #[test]
     fn the_first_words_tell_the_format() {
-        let cases: [(&[u8], Option<MeshFormat>); 16] = [
+        let cases: [(&[u8], Option<MeshFormat>); 17] = [
             (b"PK\x03\x04\x14\0", Some(MeshFormat::Npz)),
             (b" {\"vertices\": []}", Some(MeshFormat::Json)),
             (b"ply\r\nformat ascii 1.0\r\n", Some(MeshFormat::Ply)),
@@ -372,6 +378,7 @@ mod tests {
             (b"glTF\x02\0\0\0", Some(MeshFormat::Gltf)),
             (b"{\"asset\": {\"version\": \"2.0\"}}", Some(MeshFormat::Gltf)),
             (b"<?xml version=\"1.0\"?>\n<GIFTI>", Some(MeshFormat::Gifti)),
+            (b"<VTKFile type=\"PolyData\">", Some(MeshFormat::Vtk)),
             (b"<html>", None),
             (b"plywood", None),
             (b"", None),

@@ -1,4 +1,4 @@
-//! VTK's legacy files, ASCII and binary: polygonal data and unstructured grids.
+//! VTK's legacy files, ASCII and binary: polygonal data and unstructured grids. Those in XML: `vtk_xml`.
 
 use super::builder::{Builder, zero_based_index};
 use super::error::{Place, ReadError, shorten};
@@ -54,7 +54,12 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
 }
 
 /// A cell of a type of VTK's.
-fn add(builder: &mut Builder, kind: i64, number: usize, (corners, place): (&[i64], Place)) -> Result<(), ReadError> {
+pub(super) fn add(
+    builder: &mut Builder,
+    kind: i64,
+    number: usize,
+    (corners, place): (&[i64], Place),
+) -> Result<(), ReadError> {
     let vertices = builder.mesh.positions.len();
     let vertex = |index: i64| zero_based_index(index, vertices, "cell", number, place);
     let least = |count: usize| {
@@ -105,14 +110,14 @@ fn add(builder: &mut Builder, kind: i64, number: usize, (corners, place): (&[i64
 }
 
 /// Lists of corners, one after the other.
-struct Cells {
-    ends: Vec<u32>,
-    corners: Vec<i64>,
-    place: Place,
+pub(super) struct Cells {
+    pub ends: Vec<u32>,
+    pub corners: Vec<i64>,
+    pub place: Place,
 }
 
 impl Cells {
-    fn each(self, mut with: impl FnMut(usize, (&[i64], Place)) -> Result<(), ReadError>) -> Result<(), ReadError> {
+    pub fn each(self, mut with: impl FnMut(usize, (&[i64], Place)) -> Result<(), ReadError>) -> Result<(), ReadError> {
         let mut begin = 0;
         for (number, &end) in self.ends.iter().enumerate() {
             with(number, (&self.corners[begin..end as usize], self.place))?;

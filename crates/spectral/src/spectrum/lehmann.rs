@@ -177,7 +177,7 @@ fn require_meaning(values: &[f64], bounds: &[f64]) -> Result<(), ApproximationEr
     }
     let percent = 100.0 * share;
     let reason = format!(
-        "the bound of pair {pair} would be {percent:.0} % of its value; take a larger dimension, or the method \"hsim\""
+        "the bound of pair {pair} would be {percent:.0} % of its value; the method \"hsim\" proves such pairs, and a larger dimension may"
     );
     Err(ApproximationError::Unproven { reason })
 }
