@@ -9,6 +9,7 @@ import os
 import struct
 import subprocess
 import sys
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -77,6 +78,9 @@ def meshes():
     nodes = "1 6 1 6\n2 1 0 6\n" + "".join(f"{i + 1}\n" for i in range(6)) + lines(VERTICES)
     elements = "1 8 1 8\n2 1 2 8\n" + "".join(f"{i + 1} {a + 1} {b + 1} {c + 1}\n" for i, (a, b, c) in enumerate(FACES))
     yield "gmsh", f"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n{nodes}$EndNodes\n$Elements\n{elements}$EndElements\n"
+    nodes = struct.pack("<4Q3iQ6Q", 1, 6, 1, 6, 2, 1, 0, 6, *range(1, 7)) + v.astype("<f8").tobytes()
+    elements = struct.pack("<4Q3iQ", 1, 8, 1, 8, 2, 1, 2, 8) + np.insert(f + 1, 0, np.arange(1, 9), 1).astype("<u8").tobytes()
+    yield "gmsh", b"$MeshFormat\n4.1 1 8\n\1\0\0\0\n$EndMeshFormat\n$Nodes\n" + nodes + b"\n$EndNodes\n$Elements\n" + elements + b"\n$EndElements\n"
     yield "freesurfer", b"\xff\xff\xfecreated\n\n" + struct.pack(">ii", 6, 8) + v.astype(">f4").tobytes() + f.astype(">i4").tobytes()
     yield "npz", npz(vertices=v.astype("<f8"), faces=f.astype("<u4"))
     yield "npz", npz(vertices=v.astype("<f4"), faces=f.astype("<i8"), tetrahedra=t.astype("<i4"))

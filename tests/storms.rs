@@ -417,7 +417,9 @@ async fn a_process_that_starts_while_the_database_is_away_waits_for_it() {
     // Once with the database itself away, and once with a pooler that is there before it.
     for pooled in [false, true] {
         if pooled {
-            let Some((pooler, address)) = places::Pooler::before(&places.database, places.folder.path()) else { return };
+            let Some((pooler, address)) = places::Pooler::before(&places.database, places.folder.path()) else {
+                return;
+            };
             let direct = std::mem::replace(&mut places.database, address);
             places.pooler = Some((direct, pooler));
         }

@@ -67,7 +67,8 @@ impl Postgres {
         let begun = Instant::now();
         let mut told = false;
         loop {
-            let patience = busy_timeout * 3;
+            // PgBouncer by itself asks a database that was away again after 15 s.
+            let patience = busy_timeout * 6;
             match Self::connect([&shared, &direct], pooler, most, busy_timeout).await {
                 Err(error) if error.is_retryable() && begun.elapsed() < patience => {
                     if !std::mem::replace(&mut told, true) {

@@ -146,6 +146,8 @@ fn seeds() -> Vec<(MeshFormat, Vec<u8>)> {
         (MeshFormat::Vtk, include_bytes!("../src/read/data/mixed-base64.vtp").to_vec()),
         (MeshFormat::Gmsh, gmsh.into()),
         (MeshFormat::Gmsh, gmsh_of_blocks.into()),
+        (MeshFormat::Gmsh, include_bytes!("../src/read/data/grid-2.2.msh").to_vec()),
+        (MeshFormat::Gmsh, include_bytes!("../src/read/data/grid-4.1.msh").to_vec()),
         (MeshFormat::FreeSurfer, freesurfer()),
         (MeshFormat::Gltf, include_bytes!("../src/read/data/scene.glb").to_vec()),
         (MeshFormat::Gltf, include_bytes!("../src/read/data/strip-and-fan.gltf").to_vec()),

@@ -1,34 +1,34 @@
-//! Gmsh's MSH, ASCII, versions 2 and 4.1.
+//! Gmsh's MSH, ASCII and binary, versions 2 and 4.1.
 
 use super::builder::Builder;
 use super::error::{Place, ReadError, shorten};
-use super::text::Text;
+use super::gmsh_source::{Source, Whole};
 use super::{MeshFormat, RawMesh, ReadLimits};
 
 /// Reads nodes, and of the elements triangles, quadrilaterals and tetrahedra; points and lines are passed over. Of elements of higher order the
 /// corners are taken. Nodes keep the order of the file; their tags may be any numbers.
 pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
-    let mut text = Text::new(bytes);
+    let mut source = Source::new(bytes);
     let mut builder = Builder::new(limits);
-    let version = header(&mut text)?;
+    let version = header(&mut source)?;
     let mut nodes: Option<Nodes> = None;
     let (mut elements, mut sections) = (false, 0usize);
-    while text.any() {
+    while source.text.any() {
         sections += 1;
         if sections > limits.groups {
-            return Err(ReadError::TooManyGroups { place: text.place(), limit: limits.groups });
+            return Err(ReadError::TooManyGroups { place: source.text.place(), limit: limits.groups });
         }
-        let place = text.place();
-        match text.token() {
+        let place = source.text.place();
+        match source.text.token() {
             b"$Nodes" if nodes.is_some() => return Err(ReadError::DuplicateElement { place, element: "$Nodes" }),
             b"$Elements" if elements => return Err(ReadError::DuplicateElement { place, element: "$Elements" }),
-            b"$Nodes" => nodes = Some(read_nodes(&mut text, &mut builder, version)?),
+            b"$Nodes" => nodes = Some(read_nodes(&mut source, &mut builder, version)?),
             b"$Elements" => {
                 let nodes = nodes.as_ref().ok_or(ReadError::MissingSection { place, section: "$Nodes" })?;
-                read_elements(&mut text, &mut builder, version, nodes)?;
+                read_elements(&mut source, &mut builder, version, nodes)?;
                 elements = true;
             }
-            word if word.starts_with(b"$") => pass_over(&mut text),
+            word if word.starts_with(b"$") => source.pass_over(word),
             word => return Err(ReadError::UnexpectedWord { place, token: shorten(word) }),
         }
     }
@@ -41,63 +41,65 @@ enum Version {
     FourOne,
 }
 
-fn header(text: &mut Text) -> Result<Version, ReadError> {
-    let place = text.place();
-    if !text.any() || text.token() != b"$MeshFormat" {
+fn header(source: &mut Source) -> Result<Version, ReadError> {
+    let place = source.text.place();
+    if !source.text.any() || source.text.token() != b"$MeshFormat" {
         let reason = "it does not begin with $MeshFormat";
         return Err(ReadError::Header { format: MeshFormat::Gmsh, place, reason });
     }
-    let version = number(text, "a version")?;
-    let kind = integer(text, "a file type")?;
-    pass_over(text);
-    let unsupported = |encoding: String| Err(ReadError::UnsupportedEncoding { format: MeshFormat::Gmsh, encoding });
-    match (kind, version) {
-        (1, _) => unsupported("binary".to_owned()),
-        (_, 2.0..3.0) => Ok(Version::Two),
-        (_, 4.1) => Ok(Version::FourOne),
-        _ => unsupported(format!("version {version}")),
-    }
-}
-
-/// Goes past the end of a section.
-fn pass_over(text: &mut Text) {
-    while text.any() {
-        if text.token().starts_with(b"$End") {
-            return;
+    let version = source.float("a version")?;
+    let kind = source.integer(Whole::Int, "a file type")?;
+    let version = match version {
+        2.0..3.0 => Version::Two,
+        4.1 => Version::FourOne,
+        _ => {
+            let encoding = format!("version {version}");
+            return Err(ReadError::UnsupportedEncoding { format: MeshFormat::Gmsh, encoding });
         }
-        text.skip_line();
+    };
+    if kind == 1 {
+        let size = source.integer(Whole::Int, "a width")?;
+        source.is_binary(size)?;
     }
+    source.pass_over(b"$MeshFormat");
+    Ok(version)
 }
 
 /// Goes past the word that ends a section.
-fn end(text: &mut Text, section: &'static str) -> Result<(), ReadError> {
-    if !text.any() {
-        return Err(ReadError::MissingSection { place: text.place(), section });
+fn end(source: &mut Source) -> Result<(), ReadError> {
+    let section = source.section;
+    if !source.text.any() {
+        return Err(ReadError::MissingSection { place: source.text.place(), section });
     }
-    let place = text.place();
-    match text.token() {
+    let place = source.text.place();
+    match source.text.token() {
         word if word == section.as_bytes() => Ok(()),
         word => Err(ReadError::UnexpectedWord { place, token: shorten(word) }),
     }
 }
 
-fn number(text: &mut Text, expected: &'static str) -> Result<f64, ReadError> {
-    if !text.any() {
-        return Err(ReadError::MissingValue { place: text.place(), expected });
+/// The numbers of blocks and of what is in them, before the first of them. Version 2 has neither blocks nor, where numbers are bytes, a count in
+/// bytes.
+fn begin(
+    source: &mut Source,
+    version: Version,
+    section: &'static str,
+    element: &'static str,
+) -> Result<(u64, u64), ReadError> {
+    if version == Version::Two {
+        if !source.text.any() {
+            return Err(ReadError::MissingValue { place: source.text.place(), expected: "a count" });
+        }
+        let count = source.text.integer("a count")?;
+        let place = source.text.place();
+        source.begin(section);
+        let count = u64::try_from(count).map_err(|_| ReadError::InvalidCount { place, count, element })?;
+        return Ok((1, count));
     }
-    text.float(expected)
-}
-
-fn integer(text: &mut Text, expected: &'static str) -> Result<i64, ReadError> {
-    if !text.any() {
-        return Err(ReadError::MissingValue { place: text.place(), expected });
-    }
-    text.integer(expected)
-}
-
-fn count(text: &mut Text, element: &'static str) -> Result<u64, ReadError> {
-    let count = integer(text, "a count")?;
-    u64::try_from(count).map_err(|_| ReadError::InvalidCount { place: text.place(), count, element })
+    source.begin(section);
+    let counts = (source.count(Whole::Size, "blocks")?, source.count(Whole::Size, element)?);
+    let _least_and_largest = (source.integer(Whole::Size, "a tag")?, source.integer(Whole::Size, "a tag")?);
+    Ok(counts)
 }
 
 /// Which vertex each tag is.
@@ -123,7 +125,10 @@ impl Nodes {
 
     fn vertex(&self, tag: i64, element: &'static str, number: usize, place: Place) -> Result<u32, ReadError> {
         let (vertex, vertices) = match self {
-            Self::InOrder(vertices) => (u32::try_from(tag - 1).ok().filter(|v| (*v as usize) < *vertices), *vertices),
+            Self::InOrder(vertices) => (
+                tag.checked_sub(1).and_then(|tag| u32::try_from(tag).ok()).filter(|v| (*v as usize) < *vertices),
+                *vertices,
+            ),
             Self::Tagged(tagged) => {
                 (tagged.binary_search_by_key(&tag, |node| node.0).ok().map(|at| tagged[at].1), tagged.len())
             }
@@ -132,49 +137,49 @@ impl Nodes {
     }
 }
 
-/// A coordinate takes two bytes, and a node has a tag beside three of them.
-fn read_nodes(text: &mut Text, builder: &mut Builder, version: Version) -> Result<Nodes, ReadError> {
-    let blocks = if version == Version::FourOne { count(text, "blocks")? } else { 1 };
-    let declared = count(text, "nodes")?;
-    builder.expect_vertices(declared, (text.remaining() as u64).div_ceil(8))?;
+/// As words a node has a tag beside three coordinates.
+fn read_nodes(source: &mut Source, builder: &mut Builder, version: Version) -> Result<Nodes, ReadError> {
+    let (blocks, declared) = begin(source, version, "$EndNodes", "nodes")?;
+    let tag = if version == Version::Two { Whole::Int } else { Whole::Size };
+    builder.expect_vertices(declared, source.possible(4, 24 + source.width(tag)))?;
     let mut tags: Vec<i64> = Vec::with_capacity(declared as usize);
     let truncated = |number: usize| ReadError::Truncated { element: "node", number, declared: declared as usize };
-    let position = |text: &mut Text, builder: &mut Builder| {
+    let position = |source: &mut Source, builder: &mut Builder| {
         let mut position = [0.0; 3];
         for coordinate in &mut position {
-            if !text.any() {
+            if !source.any() {
                 return Err(truncated(builder.mesh.positions.len()));
             }
-            *coordinate = text.float("a coordinate")?;
+            *coordinate = source.float("a coordinate")?;
         }
         builder.vertex(position)
     };
     if version == Version::Two {
         for number in 0..declared as usize {
-            if !text.any() {
+            if !source.any() {
                 return Err(truncated(number));
             }
-            tags.push(text.integer("a node tag")?);
-            position(text, builder)?;
+            tags.push(source.integer(tag, "a node tag")?);
+            position(source, builder)?;
         }
     } else {
-        let _least_and_largest = (integer(text, "a node tag")?, integer(text, "a node tag")?);
         for _ in 0..blocks {
-            let (dimension, _entity) = (integer(text, "a dimension")?, integer(text, "an entity")?);
-            let parameters =
-                if integer(text, "whether nodes have parameters")? == 0 { 0 } else { dimension.clamp(0, 3) };
-            let own = count(text, "nodes")?;
+            let (dimension, _entity) =
+                (source.integer(Whole::Int, "a dimension")?, source.integer(Whole::Int, "an entity")?);
+            let parametric = source.integer(Whole::Int, "whether nodes have parameters")? != 0;
+            let parameters = if parametric { dimension.clamp(0, 3) } else { 0 };
+            let own = source.count(Whole::Size, "nodes")?;
             if own > declared - tags.len() as u64 {
                 let possible = declared - tags.len() as u64;
                 return Err(ReadError::CountExceedsFile { element: "node", declared: own, possible });
             }
             for _ in 0..own {
-                tags.push(integer(text, "a node tag")?);
+                tags.push(source.integer(tag, "a node tag")?);
             }
             for _ in 0..own {
-                position(text, builder)?;
+                position(source, builder)?;
                 for _ in 0..parameters {
-                    number(text, "a parameter")?;
+                    source.float("a parameter")?;
                 }
             }
         }
@@ -182,8 +187,8 @@ fn read_nodes(text: &mut Text, builder: &mut Builder, version: Version) -> Resul
             return Err(truncated(tags.len()));
         }
     }
-    let place = text.place();
-    end(text, "$EndNodes")?;
+    let place = source.place();
+    end(source)?;
     Nodes::new(tags, place)
 }
 
@@ -217,65 +222,99 @@ fn shape(kind: i64) -> Result<(Shape, usize), ReadError> {
     })
 }
 
-fn read_elements(text: &mut Text, builder: &mut Builder, version: Version, nodes: &Nodes) -> Result<(), ReadError> {
-    let blocks = if version == Version::FourOne { count(text, "blocks")? } else { 1 };
-    let declared = count(text, "elements")?;
-    let possible = (text.remaining() as u64).div_ceil(4);
+fn read_elements(source: &mut Source, builder: &mut Builder, version: Version, nodes: &Nodes) -> Result<(), ReadError> {
+    let (blocks, declared) = begin(source, version, "$EndElements", "elements")?;
+    let tag = if version == Version::Two { Whole::Int } else { Whole::Size };
+    // A point has a tag and a node.
+    let possible = source.possible(2, 2 * source.width(tag));
     if declared > possible {
         return Err(ReadError::CountExceedsFile { element: "element", declared, possible });
     }
     let mut number = 0usize;
-    if version == Version::FourOne {
-        let _least_and_largest = (integer(text, "an element tag")?, integer(text, "an element tag")?);
-    }
-    for _ in 0..blocks {
-        let (kind, own) = if version == Version::FourOne {
-            let _of = (integer(text, "a dimension")?, integer(text, "an entity")?);
-            (Some(integer(text, "a type of element")?), count(text, "elements")?)
-        } else {
-            (None, declared)
-        };
-        if own > declared - number as u64 {
-            let possible = declared - number as u64;
-            return Err(ReadError::CountExceedsFile { element: "element", declared: own, possible });
+    let mut block = 0;
+    // As bytes, version 2 has blocks without saying how many.
+    while if version == Version::Two { (number as u64) < declared } else { block < blocks } {
+        block += 1;
+        let truncated = ReadError::Truncated { element: "element", number, declared: declared as usize };
+        if !source.any() {
+            return Err(truncated);
         }
-        for _ in 0..own {
-            if !text.any() {
+        let head = Head::read(source, version, declared - number as u64)?;
+        if head.elements > declared - number as u64 {
+            let possible = declared - number as u64;
+            return Err(ReadError::CountExceedsFile { element: "element", declared: head.elements, possible });
+        }
+        if version == Version::Two && head.elements == 0 {
+            return Err(truncated);
+        }
+        for _ in 0..head.elements {
+            if !source.any() {
                 return Err(ReadError::Truncated { element: "element", number, declared: declared as usize });
             }
-            let _tag = text.integer("an element tag")?;
-            let kind = match kind {
+            let _tag = source.integer(tag, "an element tag")?;
+            let kind = match head.kind {
                 Some(kind) => kind,
-                None => {
-                    let kind = integer(text, "a type of element")?;
-                    for _ in 0..count(text, "tags")? {
-                        integer(text, "a tag")?;
-                    }
-                    kind
-                }
+                None => source.integer(Whole::Int, "a type of element")?,
             };
-            element(text, builder, nodes, kind, number)?;
+            let tags = match head.tags {
+                Some(tags) => tags,
+                None => source.count(Whole::Int, "tags")?,
+            };
+            for _ in 0..tags {
+                source.integer(Whole::Int, "a tag")?;
+            }
+            element(source, builder, nodes, (kind, tag), number)?;
             number += 1;
         }
     }
     if (number as u64) < declared {
         return Err(ReadError::Truncated { element: "element", number, declared: declared as usize });
     }
-    end(text, "$EndElements")
+    end(source)
 }
 
-fn element(text: &mut Text, builder: &mut Builder, nodes: &Nodes, kind: i64, number: usize) -> Result<(), ReadError> {
+/// What is said once of several elements: their type and how many other tags each has, where their own lines do not say so.
+struct Head {
+    kind: Option<i64>,
+    tags: Option<u64>,
+    elements: u64,
+}
+
+impl Head {
+    fn read(source: &mut Source, version: Version, left: u64) -> Result<Self, ReadError> {
+        if version == Version::FourOne {
+            let _of = (source.integer(Whole::Int, "a dimension")?, source.integer(Whole::Int, "an entity")?);
+            let kind = source.integer(Whole::Int, "a type of element")?;
+            return Ok(Self { kind: Some(kind), tags: Some(0), elements: source.count(Whole::Size, "elements")? });
+        }
+        if !source.has_bytes() {
+            return Ok(Self { kind: None, tags: None, elements: left });
+        }
+        let kind = source.integer(Whole::Int, "a type of element")?;
+        let elements = source.count(Whole::Int, "elements")?;
+        Ok(Self { kind: Some(kind), tags: Some(source.count(Whole::Int, "tags")?), elements })
+    }
+}
+
+/// An element of a kind, whose nodes are numbers of a width.
+fn element(
+    source: &mut Source,
+    builder: &mut Builder,
+    nodes: &Nodes,
+    (kind, tag): (i64, Whole),
+    number: usize,
+) -> Result<(), ReadError> {
     let (shape, of_all) = shape(kind)?;
-    let corner = |text: &mut Text| {
-        let tag = integer(text, "a node")?;
-        let place = text.place();
-        Ok::<_, ReadError>((nodes.vertex(tag, "element", number, place)?, place))
+    let corner = |source: &mut Source| {
+        let node = source.integer(tag, "a node")?;
+        let place = source.place();
+        Ok::<_, ReadError>((nodes.vertex(node, "element", number, place)?, place))
     };
     let taken = match shape {
         Shape::PassedOver => 0,
         Shape::Polygon(corners) => {
             for _ in 0..corners {
-                let (vertex, place) = corner(text)?;
+                let (vertex, place) = corner(source)?;
                 builder.corner(vertex, place)?;
             }
             builder.end_polygon();
@@ -284,14 +323,14 @@ fn element(text: &mut Text, builder: &mut Builder, nodes: &Nodes, kind: i64, num
         Shape::Tetrahedron => {
             let mut corners = [0; 4];
             for slot in &mut corners {
-                *slot = corner(text)?.0;
+                *slot = corner(source)?.0;
             }
             builder.tetrahedron(corners)?;
             4
         }
     };
     for _ in taken..of_all {
-        integer(text, "a node")?;
+        source.integer(tag, "a node")?;
     }
     Ok(())
 }
@@ -336,7 +375,8 @@ mod tests {
         let kind = |text: &str| read(text).map_err(|error| error.kind());
         assert_eq!(kind("$Nodes\n"), Err("invalid-header"));
         for (from, to, expected) in [
-            ("2.2 0 8", "2.2 1 8", "unsupported-encoding"),
+            ("2.2 0 8", "2.2 1 8", "invalid-header"),
+            ("2.2 0 8", "2.2 1 2", "invalid-header"),
             ("2.2 0 8", "1.0 0 8", "unsupported-encoding"),
             ("2.2 0 8", "4 0 8", "unsupported-encoding"),
             ("$Nodes\n5", "$Nodes\n4000000000", "count-exceeds-file"),
@@ -364,5 +404,55 @@ mod tests {
         }
         let swapped = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Elements\n0\n$EndElements\n";
         assert_eq!(kind(swapped), Err("missing-section"));
+    }
+
+    const BINARY: [&[u8]; 2] = [include_bytes!("data/grid-2.2.msh"), include_bytes!("data/grid-4.1.msh")];
+
+    #[test]
+    fn files_of_bytes_hold_what_files_of_words_do() {
+        let limits = ReadLimits::default();
+        let [two, four] = BINARY.map(|bytes| super::read(bytes, &limits).unwrap());
+        assert_eq!((two.positions.len(), two.tetrahedra.len(), two.faces.len()), (12, 5, 3));
+        assert_eq!((two.tetrahedra[0], two.faces[0], two.positions[11]), ([0, 1, 3, 6], [1, 2, 4], [2.0, 1.0, 1.25]));
+        // What wrote it has one kind of cell in such files.
+        assert_eq!((&four.positions, &four.tetrahedra), (&two.positions, &two.tetrahedra));
+        assert!(four.faces.is_empty());
+    }
+
+    #[test]
+    fn high_bytes_first_are_read_as_told_and_other_sections_passed_over() {
+        let mut bytes =
+            b"$MeshFormat\n4.1 1 4\n\x00\x00\x00\x01\n$EndMeshFormat\n$Entities\n\x07$End\n#\n$EndEntities\n$Nodes\n"
+                .to_vec();
+        let mut put = |numbers: &[u32]| numbers.iter().for_each(|number| bytes.extend(number.to_be_bytes()));
+        put(&[1, 3, 7, 9, 2, 1, 0, 3, 9, 8, 7]);
+        for x in [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 2.0, 0.0f64] {
+            bytes.extend(x.to_be_bytes());
+        }
+        bytes.extend(b"\n$EndNodes\n$Elements\n");
+        let mut put = |numbers: &[u32]| numbers.iter().for_each(|number| bytes.extend(number.to_be_bytes()));
+        put(&[1, 1, 5, 5, 2, 1, 2, 1, 5, 7, 8, 9]);
+        bytes.extend(b"\n$EndElements\n");
+        let mesh = super::read(&bytes, &ReadLimits::default()).unwrap();
+        assert_eq!((mesh.positions[2], mesh.faces), ([0.0, 2.0, 0.0], vec![[2, 1, 0]]));
+    }
+
+    #[test]
+    fn files_of_bytes_that_are_cut_or_announce_too_much_are_refused() {
+        let limits = ReadLimits::default();
+        for bytes in BINARY {
+            let at = |word: &[u8]| bytes.windows(word.len()).position(|window| window == word).unwrap();
+            for section in [at(b"$Nodes") + 6..at(b"$EndNodes") + 8, at(b"$Elements") + 9..at(b"$EndElements") + 11] {
+                for end in section {
+                    assert!(super::read(&bytes[..end], &limits).is_err(), "{end}");
+                }
+            }
+        }
+        let mut many = BINARY[1].to_vec();
+        let at = many.windows(7).position(|window| window == b"$Nodes\n").unwrap() + 15;
+        many[at + 3] = 0x7f;
+        assert_eq!(super::read(&many, &limits).unwrap_err().kind(), "count-exceeds-file");
+        let text = String::from_utf8_lossy(BINARY[0]).replacen("\n8\n", "\n9\n", 1);
+        assert!(super::read(text.as_bytes(), &limits).is_err());
     }
 }

@@ -9,7 +9,7 @@
 //! | MEDIT `.mesh` | `medit` | ASCII; triangles, quadrilaterals, tetrahedra |
 //! | VTK legacy | `vtk` | ASCII and binary; polygonal data and unstructured grids |
 //! | VTK in XML (`.vtp`, `.vtu`) | `vtk_xml` | all encodings, with zlib or without; all pieces |
-//! | Gmsh MSH | `gmsh` | ASCII, versions 2 and 4.1; triangles, quadrilaterals, tetrahedra |
+//! | Gmsh MSH | `gmsh` | ASCII and binary, versions 2 and 4.1; triangles, quadrilaterals, tetrahedra |
 //! | FreeSurfer | `freesurfer` | triangle surfaces |
 //! | glTF 2.0 | `gltf` | GLB, or JSON with its buffers inside; all nodes |
 //! | GIFTI | `gifti` | surfaces in all encodings but other files |
@@ -26,6 +26,7 @@ mod gifti;
 mod gltf;
 mod gltf_nodes;
 mod gmsh;
+mod gmsh_source;
 mod medit;
 mod obj;
 mod obj_attributes;
@@ -101,7 +102,7 @@ pub enum MeshFormat {
     Medit,
     /// VTK: its legacy format, or XML (`.vtp`, `.vtu`).
     Vtk,
-    /// Gmsh's MSH, ASCII.
+    /// Gmsh's MSH, ASCII or binary.
     Gmsh,
     /// A triangle surface of FreeSurfer.
     #[serde(rename = "freesurfer")]
