@@ -4,15 +4,15 @@
 use std::io::{self, Cursor, ErrorKind, Read};
 
 use base64::Engine;
-use flate2::read::ZlibDecoder;
+// Over what is in memory already, it needs no buffer of its own.
+use flate2::bufread::ZlibDecoder;
 use roxmltree::Node;
 
 use super::MeshFormat;
 use super::error::{Place, ReadError, shorten};
 
-/// Compressed arrays unfold to at most so many times the bytes that are there: the high bytes of whole numbers are zeros, and all cells of one kind may
-/// have the same ends after a filter.
-const UNFOLDED: usize = 64;
+/// Compressed arrays of positions, corners and ends unfold to at most so many times the bytes that are there; real ones do to less than eleven times.
+const UNFOLDED: usize = 24;
 
 /// What a file says of all of its arrays.
 #[derive(Debug, Clone, Copy)]
@@ -255,6 +255,7 @@ impl Read for Blocks<'_> {
                     return Ok(read);
                 }
             }
+            self.open = None;
             let Some(size) = self.sizes.next() else { return Ok(0) };
             let mut block = Vec::new();
             (&mut self.source).take(size).read_to_end(&mut block)?;
