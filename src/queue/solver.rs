@@ -84,11 +84,10 @@ impl Runner for Solver {
         let (parameters, solid) = (parameters(job)?, solid.as_deref());
         let mut about = Vec::new();
         let mut next = |number: usize| {
-            let mut bytes = Vec::new();
-            if let Err(error) = parts.copy(number, &mut bytes) {
+            let bytes = parts.bytes(number).map_err(|error| {
                 tracing::warn!(%error, "a part could not be read");
-                return Err(PartError::Missing { number: number + 1, parts: count.get() });
-            }
+                PartError::Missing { number: number + 1, parts: count.get() }
+            })?;
             let damaged = |error: FormatError| PartError::Damaged { number: number + 1, reason: error.to_string() };
             let (part, told) = npz::read_part(&bytes).map_err(damaged)?;
             about.push(told);

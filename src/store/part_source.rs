@@ -21,6 +21,16 @@ pub trait PartSource: fmt::Debug + Send + Sync {
     /// # Errors
     /// [`std::io::Error`] where it cannot be read, or not be written.
     fn copy(&self, number: usize, out: &mut dyn Write) -> Result<()>;
+
+    /// The bytes of one.
+    ///
+    /// # Errors
+    /// As [`copy`](Self::copy).
+    fn bytes(&self, number: usize) -> Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        self.copy(number, &mut bytes)?;
+        Ok(bytes)
+    }
 }
 
 /// Parts in the store.

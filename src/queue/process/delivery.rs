@@ -137,6 +137,8 @@ impl Stream {
         }
         let bytes = bytes as usize;
         let mut found = std::mem::take(&mut self.rest);
+        // A vector that grows holds all of it twice.
+        found.reserve_exact(bytes.saturating_sub(found.len()));
         while found.len() < bytes {
             found.extend_from_slice(&self.piece()?);
         }

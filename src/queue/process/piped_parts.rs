@@ -31,14 +31,17 @@ impl PartSource for PipedParts {
     }
 
     fn copy(&self, number: usize, out: &mut dyn Write) -> Result<()> {
+        out.write_all(&self.bytes(number)?)
+    }
+
+    fn bytes(&self, number: usize) -> Result<Vec<u8>> {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let (next, parts) = &mut *state;
         if number != *next {
             return Err(Error::other(format!("parts come in order: {next} before {number}")));
         }
         *next += 1;
-        let part = parts.recv().map_err(|_| Error::other(format!("part {} did not come", number + 1)))?;
-        out.write_all(&part)
+        parts.recv().map_err(|_| Error::other(format!("part {} did not come", number + 1)))
     }
 }
 

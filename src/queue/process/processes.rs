@@ -202,7 +202,10 @@ fn send(worker: &Worker, order: Order, subject: Subject) -> io::Result<Receiver<
         pieces.flush()?;
         frame::write(&mut *orders, Tag::Begin, &[])?;
         orders.flush()?;
-        if let Subject::Parts { parts, .. } = &subject {
+        // What was sent is not needed here while it is worked on.
+        let parts = if let Subject::Parts { parts, .. } = subject { Some(parts) } else { None };
+        if let Some(parts) = parts {
+            chladni_base::trim();
             for number in 0..parts.count() {
                 let mut pieces = Pieces::new(&mut *orders, Tag::Part);
                 parts.copy(number, &mut pieces)?;

@@ -265,6 +265,8 @@ fn deliver_compact(
         return Ok(unwritten(&error));
     }
     drop(basis);
+    // While it is sent, who takes it up holds more and more of it, and this process less and less.
+    chladni_base::trim();
     let head = head.into_inner();
     let delivery = Delivery::Compact { head: head.len() as u64, rows, columns, entries: indices.len() };
     say_json(output, Tag::Product, &delivery)?;
@@ -276,6 +278,8 @@ fn deliver_compact(
     }
     pieces.flush()?;
     frame::write_pieces(&mut *output, Tag::Content, bytemuck::cast_slice(&indices))?;
+    drop(indices);
+    chladni_base::trim();
     frame::write_pieces(&mut *output, Tag::Content, bytemuck::cast_slice(&values))?;
     output.flush()?;
     Ok(Ok(()))
