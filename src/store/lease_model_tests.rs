@@ -1,7 +1,7 @@
 //! The protocol of leases against a model of it: schedules at random of clients, workers that come too late and a clock that jumps. Both kinds of
 //! records have to answer every call as the model does, and to look like it after every step.
 //!
-//! 256 schedules from a fixed seed; `CHLADNI_SCHEDULES=100000` runs more, of which these are the first.
+//! 256 schedules from a fixed seed; `CHLADNI_SCHEDULES=100000` runs more, of which these are the first, and `CHLADNI_SEED=7` others.
 
 use std::cell::Cell;
 
@@ -386,7 +386,11 @@ pub(super) fn schedules() {
     });
     let trial = Trial { runtime, store, hands, mesh, schedule: Cell::new(0) };
     let config = Config { cases, failure_persistence: None, max_shrink_iters: 2000, ..Config::default() };
-    let mut runner = TestRunner::new_with_rng(config, TestRng::deterministic_rng(RngAlgorithm::ChaCha));
+    let rng = match std::env::var("CHLADNI_SEED").ok().and_then(|seed| seed.parse::<u64>().ok()) {
+        None => TestRng::deterministic_rng(RngAlgorithm::ChaCha),
+        Some(seed) => TestRng::from_seed(RngAlgorithm::ChaCha, &[seed.to_le_bytes(); 4].concat()),
+    };
+    let mut runner = TestRunner::new_with_rng(config, rng);
     let ended = runner.run(&steps(), |steps| {
         trial.schedule.set(trial.schedule.get() + 1);
         let mut model = Model { jobs: Vec::new(), tokens: Vec::new(), shared: trial.store.is_shared() };
