@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -246,6 +246,7 @@ def map_collection(
     samples: int = 2000,
     oriented: bool = True,
     polish: bool = True,
+    progress: bool | Callable[[str, float], Any] = False,
 ) -> MapCollection:
     """Map all shapes of a collection to each other, without landmarks.
 
@@ -264,6 +265,8 @@ def map_collection(
         Whether maps keep the orientation that the faces give. Without it nothing tells the sides of a symmetric shape apart.
     polish : bool
         Whether each pair is refined by itself at the end: nearer to the truth, and a little less consistent.
+    progress : bool or callable
+        Draw a bar (where tqdm is installed), or call with the stage and the fraction of it that is done.
 
     Returns
     -------
@@ -279,6 +282,10 @@ def map_collection(
     (6, (1500,))
     """
     request = collection_request(start=start, pairs=pairs, step=step, samples=samples, oriented=oriented, polish=polish)
-    maps, there, around, largest = _native.map_collection([basis._core for basis in bases], json.dumps(request))
+    told, close = _arrays.progress_callback(progress)
+    try:
+        maps, there, around, largest = _native.map_collection([basis._core for basis in bases], json.dumps(request), told)
+    finally:
+        close()
     made = [CollectionMap(source, target, matrix, PointMap(*points), gap) for source, target, matrix, points, gap in maps]
     return MapCollection({(one.source, one.target): one for one in made}, there, around, largest)

@@ -89,7 +89,7 @@ def functional_map(
     descriptors: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
 ) -> tuple[NDArray[np.float64], _Points, _Points | None, list[tuple[str, float]]]: ...
 def map_collection(
-    bases: list[Basis], request: str
+    bases: list[Basis], request: str, progress: _Progress = None
 ) -> tuple[
     list[tuple[int, int, NDArray[np.float64], _Points, float]], float, float | None, float
 ]: ...

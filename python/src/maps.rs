@@ -100,10 +100,12 @@ type MapOfCollection<'py> = (usize, usize, Bound<'py, PyArray2<f64>>, Points<'py
 
 /// Maps between all shapes: `(maps, there and back, around, largest)`.
 #[pyfunction]
+#[pyo3(signature = (bases, request, progress=None))]
 pub fn map_collection<'py>(
     py: Python<'py>,
     bases: Vec<PyRef<'py, NativeBasis>>,
     request: &str,
+    progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyTuple>> {
     let wanted: WantedCollection = parsed("map collection", request)?;
     let mut shapes = Vec::new();
@@ -125,7 +127,7 @@ pub fn map_collection<'py>(
         oriented: wanted.oriented,
         polish: wanted.polish,
     };
-    let found = watch::run(py, None, |monitor| Ok(collect(&shapes, &request, monitor)?))?;
+    let found = watch::run(py, progress, |monitor| Ok(collect(&shapes, &request, monitor)?))?;
     let numberings: Vec<Translation> = bases.iter().map(|basis| basis.translation(false)).collect();
     let mut maps: Vec<MapOfCollection<'py>> = Vec::with_capacity(found.maps.len());
     for map in found.maps {

@@ -148,7 +148,9 @@ def test_collections_are_mapped_both_ways(knot, knot_basis):
     order = np.random.default_rng(5).permutation(2996)
     back = np.argsort(order)
     other = chladni.eigs(knot.vertices[order], back[knot.faces], k=40, method="hsim")
-    found = chladni.map_collection([knot_basis, other], pairs=40, samples=1000, polish=False)
+    told = []
+    found = chladni.map_collection([knot_basis, other], pairs=40, samples=1000, polish=False, progress=lambda *news: told.append(news))
+    assert told and all(0 <= fraction <= 1 for _, fraction in told)
     assert set(found.maps) == {(0, 1), (1, 0)} and found.triples_error is None
     there, again = found.maps[0, 1].to_source, found.maps[1, 0].to_source
     assert there.points.shape == (2996,) and there.matched is None and (there.confidences <= 1).all()
