@@ -3,7 +3,8 @@
 //! sphere of 82,000 faces, vector fields.
 //!
 //! `CHLADNI_DRAG_DIMENSION` (2000), `CHLADNI_DRAG_FACES` (60,240,600,1200,2000), `CHLADNI_DRAG_MOVING` (60), `CHLADNI_DRAG_EXACT` (constraints are met
-//! exactly), `CHLADNI_DRAG_SPARSE` (a sparse factor takes the place of Ritz coordinates, as it does beyond 8,192 dimensions).
+//! exactly), `CHLADNI_DRAG_SPARSE` (a sparse factor takes the place of Ritz coordinates, as it does beyond 8,192 dimensions), `CHLADNI_DRAG_KIND`
+//! `cross` (4-fields), `CHLADNI_DRAG_FRAMES` (40).
 
 use std::time::Instant;
 
@@ -14,16 +15,19 @@ use chladni_spectral::field::{
 };
 use chladni_spectral::operator::transport::FieldKind;
 
-const FRAMES: usize = 40;
-
 fn main() {
     let setting = |name: &str, usual: &str| std::env::var(name).unwrap_or(usual.to_owned());
     let dimension = setting("CHLADNI_DRAG_DIMENSION", "2000").parse().expect("a dimension");
     let counts = setting("CHLADNI_DRAG_FACES", "60,240,600,1200,2000");
     let mesh = noisy(&generate(Shape::Sphere, 41_000).unwrap(), 0.2, 0).unwrap();
     let surface = FieldSurface::new(mesh).unwrap();
-    let basis = field_basis(&surface, &FieldParameters::new(FieldKind::Vector {}, dimension), &Unwatched).unwrap();
+    let kind = match setting("CHLADNI_DRAG_KIND", "vector").as_str() {
+        "cross" => FieldKind::NVector { n: 4 },
+        _ => FieldKind::Vector {},
+    };
+    let basis = field_basis(&surface, &FieldParameters::new(kind, dimension), &Unwatched).unwrap();
     let set = |name: &str| std::env::var_os(name).is_some();
+    let frames: usize = setting("CHLADNI_DRAG_FRAMES", "40").parse().expect("a number of frames");
     let moving = setting("CHLADNI_DRAG_MOVING", "60").parse().expect("a number of faces");
     let hold = if set("CHLADNI_DRAG_EXACT") { Hold::Exact } else { Hold::Strength(1.0) };
     let model = match set("CHLADNI_DRAG_SPARSE") || basis.space.dimension() > MOST_DIMENSIONS {
@@ -40,9 +44,9 @@ fn main() {
                 hold,
             })
             .collect();
-        let mut times = Vec::with_capacity(FRAMES);
+        let mut times = Vec::with_capacity(frames);
         let mut processor = 0.0;
-        for frame in 0..FRAMES {
+        for frame in 0..frames {
             if frame == 2 {
                 processor = processor_ms();
             }
@@ -52,7 +56,7 @@ fn main() {
             constraints.iter_mut().take(moving).for_each(|c| c.face = (c.face + 3) % surface.faces() as u32);
         }
         let (first, second) = (times[0], times[1]);
-        let processor = (processor_ms() - processor) / (FRAMES - 2) as f64;
+        let processor = (processor_ms() - processor) / (frames - 2) as f64;
         times.drain(..2);
         times.sort_by(f64::total_cmp);
         let at = |share: f64| times[(share * (times.len() - 1) as f64) as usize];

@@ -3,7 +3,7 @@
 //! The levels are those of [`super::hierarchy`]; γ may differ from call to call, so that one hierarchy serves every choice of weights. The smoother
 //! is a Chebyshev polynomial, the same before and after the coarse correction: a cycle is symmetric and positive definite.
 
-use chladni_algebra::{BlockMatrix, DefiniteFactor, DenseMatrix};
+use chladni_algebra::{BlockMatrix, DefiniteFactor, DenseMatrix, vectorized};
 use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor};
 
@@ -41,28 +41,33 @@ struct Grid<const B: usize> {
     transfer: Option<(Rows<B>, Rows<B>)>,
 }
 
-/// `y = A x`.
-fn multiply<const B: usize>(rows: &Rows<B>, x: &[[f32; B]], y: &mut [[f32; B]]) {
-    each(y, |row, y| {
-        *y = [0.0; B];
-        for at in rows.range(row) {
-            add(y, &rows.blocks[at], &x[rows.indices[at] as usize]);
-        }
+/// For each number of a vector, in parallel. `act` is to be inlined always, so that it is compiled for the vector units at hand.
+fn each<T: Send>(vector: &mut [T], act: impl Fn(usize, &mut T) + Sync) {
+    vector.par_chunks_mut(ROWS).enumerate().for_each(|(task, chunk)| {
+        vectorized(
+            chunk,
+            #[inline(always)]
+            |chunk| chunk.iter_mut().enumerate().for_each(|(k, value)| act(task * ROWS + k, value)),
+        );
     });
 }
 
-/// For each number of a vector, in parallel.
-fn each<T: Send>(vector: &mut [T], act: impl Fn(usize, &mut T) + Sync) {
-    vector.par_chunks_mut(ROWS).enumerate().for_each(|(task, chunk)| {
-        chunk.iter_mut().enumerate().for_each(|(k, value)| act(task * ROWS + k, value));
-    });
+/// One row of `A x`. Each product of a block is summed by itself: no sum waits for the one beside it.
+#[inline(always)]
+fn row_times<const B: usize>(rows: &Rows<B>, row: usize, x: &[[f32; B]]) -> [f32; B] {
+    let range = rows.range(row);
+    let mut sums = [[0f32; B]; B];
+    for (&column, block) in rows.indices[range.clone()].iter().zip(&rows.blocks[range]) {
+        add(&mut sums, block, &x[column as usize]);
+    }
+    sums.map(|sums| sums.iter().sum())
 }
 
 #[inline(always)]
-fn add<const B: usize>(y: &mut [f32; B], block: &Small<B>, x: &[f32; B]) {
+fn add<const B: usize>(sums: &mut Small<B>, block: &Small<B>, x: &[f32; B]) {
     for i in 0..B {
         for j in 0..B {
-            y[i] += block[i][j] * x[j];
+            sums[i][j] += block[i][j] * x[j];
         }
     }
 }
@@ -134,42 +139,57 @@ impl<const B: usize> Grid<B> {
         Self { stiffness, mass, masses, stiffness_scales, mass_scales, transfer }
     }
 
-    /// `y = (S + γM) x`.
-    fn multiply(&self, gamma: f32, x: &[[f32; B]], y: &mut [[f32; B]]) {
+    /// One row of `(S + γM) x`.
+    #[inline(always)]
+    fn row_times(&self, gamma: f32, row: usize, x: &[[f32; B]]) -> [f32; B] {
         let rows = &self.stiffness;
-        each(y, |row, y| {
-            *y = [0.0; B];
-            if self.mass.is_empty() {
-                y.iter_mut().zip(&x[row]).for_each(|(y, x)| *y = gamma * self.masses[row] * x);
-                for at in rows.range(row) {
-                    add(y, &rows.blocks[at], &x[rows.indices[at] as usize]);
-                }
-            } else {
-                for at in rows.range(row) {
-                    let (s, m) = (&rows.blocks[at], &self.mass[at]);
-                    let block = std::array::from_fn(|i| std::array::from_fn(|j| s[i][j] + gamma * m[i][j]));
-                    add(y, &block, &x[rows.indices[at] as usize]);
-                }
-            }
-        });
+        if self.mass.is_empty() {
+            let (image, mass) = (row_times(rows, row, x), gamma * self.masses[row]);
+            return std::array::from_fn(|i| image[i] + mass * x[row][i]);
+        }
+        let range = rows.range(row);
+        let mut sums = [[0f32; B]; B];
+        let blocks = rows.blocks[range.clone()].iter().zip(&self.mass[range.clone()]);
+        for (&column, (s, m)) in rows.indices[range].iter().zip(blocks) {
+            let block = std::array::from_fn(|i| std::array::from_fn(|j| s[i][j] + gamma * m[i][j]));
+            add(&mut sums, &block, &x[column as usize]);
+        }
+        sums.map(|sums| sums.iter().sum())
     }
 
     /// Chebyshev steps towards `(S + γM) z = r`; `zero` says that `z` is.
     fn smooth(&self, gamma: f32, z: &mut Vector<B>, r: &[[f32; B]], zero: bool, (degree, least): (usize, f32)) {
-        let mut product = vec![[0f32; B]; z.len()];
         let mut change = vec![[0f32; B]; z.len()];
+        let scaled = |row: usize, add: f32| {
+            let scale = self.stiffness_scales[row] + gamma * self.mass_scales[row];
+            if scale > 0.0 { add / scale } else { 0.0 }
+        };
         for (step, (keep, add)) in chebyshev(degree, least).enumerate() {
-            if step > 0 || !zero {
-                self.multiply(gamma, z, &mut product);
+            if step == 0 && zero {
+                each(
+                    &mut change,
+                    #[inline(always)]
+                    |row, change| *change = r[row].map(|r| scaled(row, add) * r),
+                );
+                z.copy_from_slice(&change);
+                continue;
             }
-            each(&mut change, |row, change| {
-                let scale = self.stiffness_scales[row] + gamma * self.mass_scales[row];
-                let add = if scale > 0.0 { add / scale } else { 0.0 };
-                for i in 0..B {
-                    change[i] = keep * change[i] + add * (r[row][i] - product[row][i]);
-                }
-            });
-            each(z, |row, z| z.iter_mut().zip(&change[row]).for_each(|(z, c)| *z += c));
+            let before = &*z;
+            each(
+                &mut change,
+                #[inline(always)]
+                |row, change| {
+                    let (image, add) = (self.row_times(gamma, row, before), scaled(row, add));
+                    for i in 0..B {
+                        change[i] = keep * change[i] + add * (r[row][i] - image[i]);
+                    }
+                },
+            );
+            each(
+                z,
+                #[inline(always)]
+                |row, z| z.iter_mut().zip(&change[row]).for_each(|(z, c)| *z += c),
+            );
         }
     }
 }
@@ -210,13 +230,27 @@ impl<const B: usize> Shifted<'_, B> {
         };
         grid.smooth(self.gamma, &mut z, r, true, (CYCLE_DEGREE, CYCLE_LEAST));
         let mut residual = vec![[0f32; B]; r.len()];
-        grid.multiply(self.gamma, &z, &mut residual);
-        each(&mut residual, |row, residual| residual.iter_mut().zip(&r[row]).for_each(|(own, r)| *own = r - *own));
+        each(
+            &mut residual,
+            #[inline(always)]
+            |row, residual| {
+                let image = grid.row_times(self.gamma, row, &z);
+                *residual = std::array::from_fn(|i| r[row][i] - image[i]);
+            },
+        );
         let mut coarse = vec![[0f32; B]; down.offsets.len() - 1];
-        multiply(down, &residual, &mut coarse);
+        each(
+            &mut coarse,
+            #[inline(always)]
+            |row, coarse| *coarse = row_times(down, row, &residual),
+        );
+        drop(residual);
         let correction = self.descend(at + 1, &coarse);
-        multiply(up, &correction, &mut residual);
-        each(&mut z, |row, z| z.iter_mut().zip(&residual[row]).for_each(|(z, c)| *z += c));
+        each(
+            &mut z,
+            #[inline(always)]
+            |row, z| z.iter_mut().zip(row_times(up, row, &correction)).for_each(|(z, c)| *z += c),
+        );
         grid.smooth(self.gamma, &mut z, r, false, (CYCLE_DEGREE, CYCLE_LEAST));
         z
     }

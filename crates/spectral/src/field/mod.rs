@@ -40,6 +40,7 @@ mod reading;
 #[cfg(test)]
 mod real_meshes;
 mod refine;
+mod refine_pulls;
 mod refine_response;
 #[cfg(test)]
 mod refine_tests;

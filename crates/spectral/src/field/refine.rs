@@ -1,23 +1,21 @@
 //! Designs in the space of all fields: how far a reduced design is from the field that it stands for, and that field itself.
 //!
 //! With the numbers `C u` of the constrained faces and what holds them, `W`, the field of least energy is `u = K⁻¹(f + Cᵀ y) + Z c` with
-//! `(W⁻¹ + C K⁻¹ Cᵀ) y + C Z c = v − C K⁻¹ f` and `ZᵀCᵀ y = 0`, where `Z` has no energy. Conjugate gradients on the pulls `y` are preconditioned by
-//! the compliance that the reduced space has at those faces, as it misses only what is finer than its columns; `K⁻¹` is applied by
-//! [`super::refine_response`].
+//! `(W⁻¹ + C K⁻¹ Cᵀ) y + C Z c = v − C K⁻¹ f` and `ZᵀCᵀ y = 0`, where `Z` has no energy. The pulls `y` are found by
+//! [`super::refine_pulls`]; `K⁻¹` is applied by [`super::refine_response`].
 
 use std::sync::OnceLock;
 
-use chladni_algebra::{BlockMatrix, DefiniteError, DefiniteFactor, DenseMatrix, lowest_symmetric};
-use chladni_base::{Cancelled, Monitor, Unwatched};
+use chladni_algebra::BlockMatrix;
+use chladni_base::{Cancelled, Monitor};
 
 use super::basis::FieldSurface;
-use super::compliance::Compliance;
 use super::cycle::Cycles;
 use super::design::{Constraint, Design, DesignError, length};
 use super::direct::{Direct, USUAL_ROOM};
 use super::hierarchy::hierarchy;
-use super::idle::dot as small_dot;
-use super::kernel::{Kernel, Own};
+use super::kernel::Kernel;
+use super::refine_pulls::Pulls;
 use super::refine_response::{Response, Whole, add, dot};
 use super::weighted::WeightedModel;
 use crate::basis::FieldBasis;
@@ -29,24 +27,8 @@ use crate::operator::transport::FieldKind;
 /// Nodes of the coarsest level.
 const COARSEST: usize = 60;
 
-/// Steps on the pulls at most.
-const MOST_STEPS: usize = 200;
-
-/// How much closer a response is computed than the pulls are wanted, and how coarsely at most.
-const CLOSER: f64 = 0.1;
-const COARSEST_RESPONSE: f64 = 1e-2;
-
-/// What the compliance of a face lacks in a reduced space, as a share of it.
-const MISSING: f64 = 0.02;
-
-/// Fields without energy that constraints hardly hold: as little of them as possible.
-const LOOSE: f64 = 1e-9;
-
 /// Tolerances of [`FullSpace::refine`]: those below are lost to rounding.
 const LEAST_TOLERANCE: f64 = 1e-10;
-
-/// What is left of the pulls is rounding below this share of what all constraints ask for.
-const ROUNDING: f64 = 1e-12;
 
 /// As many fields without energy as most surfaces have at most: room is counted for them before they are known.
 const EXPECTED_IDLE: usize = 8;
@@ -168,7 +150,7 @@ impl FullSpace {
         kind: FieldKind,
         boundary: FieldBoundary,
     ) -> Result<Self, RefineError> {
-        Self::within(surface, kind, boundary, 0, &Unwatched)
+        Self::within(surface, kind, boundary, 0, &chladni_base::Unwatched)
     }
 
     /// Whether there is room for sparse factors, by which a design takes two substitutions.
@@ -393,185 +375,5 @@ impl<const B: usize> Whole<B> {
         add(&mut off, field, -1.0);
         let norm = |x: &[f64]| self.product(x, x).sqrt();
         Ok(norm(&off) / norm(field).max(f64::MIN_POSITIVE))
-    }
-}
-
-/// Conjugate gradients on the pulls.
-struct Pulls<'a, const B: usize> {
-    response: &'a Response<'a, B>,
-    compliance: Compliance,
-    precondition: DefiniteFactor,
-    /// The fields without energy on the components with constraints, and what of them these hold.
-    loose: Vec<Own>,
-    idle: Vec<Idle>,
-    force: Option<Vec<f64>>,
-    tolerance: f64,
-    monitor: &'a dyn Monitor,
-    /// `K⁻¹ (f + Cᵀ y)`, and the rest in the end.
-    field: Vec<f64>,
-    responses: usize,
-}
-
-/// A field without energy at the constrained numbers: those of several, orthonormal in the norm of the inverse of the preconditioner.
-struct Idle {
-    values: Vec<f64>,
-    /// The pulls that answer them.
-    pulls: Vec<f64>,
-    /// How much of each field it has.
-    mixture: Vec<f64>,
-}
-
-fn solved(factor: &DefiniteFactor, right: &[f64]) -> Result<Vec<f64>, RefineError> {
-    let mut x = DenseMatrix::zeros(right.len(), 1);
-    x.column_mut(0).copy_from_slice(right);
-    factor.solve(&mut x).map_err(DesignError::Factor)?;
-    Ok(x.column(0).to_vec())
-}
-
-/// The mixtures that constraints hold, by the eigenpairs of `(CZ)ᵀ P⁻¹ CZ`. Those that they hardly hold are left out: as `Z` is orthonormal by area,
-/// the field then has as little of them as possible.
-fn held(fields: &[Vec<f64>], precondition: &DefiniteFactor) -> Result<Vec<Idle>, RefineError> {
-    let count = fields.len();
-    let pulls = fields.iter().map(|field| solved(precondition, field)).collect::<Result<Vec<_>, _>>()?;
-    let mut square = DenseMatrix::zeros(count, count);
-    for (j, own) in pulls.iter().enumerate() {
-        square.column_mut(j).iter_mut().zip(fields).for_each(|(s, field)| *s = small_dot(field, own));
-    }
-    let pairs = lowest_symmetric(square, count, &Unwatched).map_err(DesignError::Eigen)?;
-    let largest = pairs.values.last().copied().unwrap_or(0.0);
-    let mut found: Vec<Idle> = Vec::new();
-    let kept = pairs.values.iter().enumerate().rev().take_while(|(_, value)| **value > LOOSE * largest);
-    for (k, _) in kept {
-        let mut mixture = pairs.vectors.column(k).to_vec();
-        let mut values = vec![0.0; fields.first().map_or(0, Vec::len)];
-        for (field, share) in fields.iter().zip(&mixture) {
-            values.iter_mut().zip(field).for_each(|(v, f)| *v += share * f);
-        }
-        let mut pulls = solved(precondition, &values)?;
-        // What is held loosely is orthogonal to what is held firmly only as far as digits go: Gram–Schmidt, twice.
-        for _ in 0..2 {
-            for other in &found {
-                let share = small_dot(&other.values, &pulls);
-                values.iter_mut().zip(&other.values).for_each(|(v, o)| *v -= share * o);
-                pulls.iter_mut().zip(&other.pulls).for_each(|(p, o)| *p -= share * o);
-                mixture.iter_mut().zip(&other.mixture).for_each(|(t, o)| *t -= share * o);
-            }
-        }
-        let size = small_dot(&values, &pulls).sqrt();
-        if size > 0.0 {
-            [&mut values, &mut pulls, &mut mixture].into_iter().flatten().for_each(|x| *x /= size);
-            found.push(Idle { values, pulls, mixture });
-        }
-    }
-    Ok(found)
-}
-
-fn factored(matrix: DenseMatrix, faces: &[u32], b: usize) -> Result<DefiniteFactor, RefineError> {
-    DefiniteFactor::new(matrix).map_err(|error| match error {
-        DefiniteError::NotPositiveDefinite { pivot } => {
-            DesignError::Dependent { face: faces[(pivot / b).min(faces.len().max(1) - 1)] }.into()
-        }
-        other => DesignError::Factor(other).into(),
-    })
-}
-
-/// `C u`: what a field has on faces.
-fn at_faces<const B: usize>(faces: &[u32], field: &[f64]) -> Vec<f64> {
-    let own = |&face: &u32| &field[B * face as usize..B * (face as usize + 1)];
-    faces.iter().flat_map(own).copied().collect()
-}
-
-impl<'a, const B: usize> Pulls<'a, B> {
-    fn new(
-        whole: &'a Whole<B>,
-        response: &'a Response<'a, B>,
-        compliance: Compliance,
-        force: Option<Vec<f64>>,
-        tolerance: f64,
-        monitor: &'a dyn Monitor,
-    ) -> Result<Self, RefineError> {
-        let mut matrix = compliance.moved.clone();
-        for (i, slack) in compliance.slacks.iter().enumerate() {
-            let own = matrix.column(i)[i];
-            matrix.column_mut(i)[i] += slack + MISSING * own;
-        }
-        let precondition = factored(matrix, &compliance.faces, B)?;
-        let k = compliance.slacks.len();
-        let loose = response.kernel().map_or_else(Vec::new, |kernel| kernel.at(&compliance.faces));
-        let at_faces =
-            response.kernel().map_or_else(Vec::new, |kernel| kernel.values_at::<B>(&loose, &compliance.faces));
-        let idle = if k > 0 { held(&at_faces, &precondition)? } else { Vec::new() };
-        let field = vec![0.0; B * whole.mass.len()];
-        Ok(Self { response, compliance, precondition, loose, idle, force, tolerance, monitor, field, responses: 0 })
-    }
-
-    /// `K⁻¹ Cᵀ y`.
-    fn respond(&mut self, y: &[f64], tolerance: f64) -> Result<Vec<f64>, RefineError> {
-        let mut force = vec![0.0; self.field.len()];
-        for (&face, y) in self.compliance.faces.iter().zip(y.chunks_exact(B)) {
-            force[B * face as usize..B * (face as usize + 1)].iter_mut().zip(y).for_each(|(f, y)| *f += y);
-        }
-        self.responses += 1;
-        self.response.apply(&force, tolerance, self.monitor)
-    }
-
-    /// The pulls that the reduced space would answer a miss with. What fields without energy meet of it is taken out, and added to their amounts.
-    fn answer(&self, miss: &mut [f64], amounts: &mut [f64]) -> Result<Vec<f64>, RefineError> {
-        let mut y = solved(&self.precondition, miss)?;
-        for idle in &self.idle {
-            let share = small_dot(&idle.values, &y);
-            miss.iter_mut().zip(&idle.values).for_each(|(m, b)| *m -= share * b);
-            y.iter_mut().zip(&idle.pulls).for_each(|(y, p)| *y -= share * p);
-            amounts.iter_mut().zip(&idle.mixture).for_each(|(a, t)| *a += share * t);
-        }
-        Ok(y)
-    }
-
-    fn run(&mut self) -> Result<(), RefineError> {
-        let least = CLOSER * self.tolerance;
-        if let Some(force) = self.force.take() {
-            self.responses += 1;
-            self.field = self.response.apply(&force, least, self.monitor)?;
-        }
-        if self.compliance.faces.is_empty() {
-            return Ok(());
-        }
-        let product = small_dot;
-        let mut amounts = vec![0.0; self.loose.len()];
-        let reached = at_faces::<B>(&self.compliance.faces, &self.field);
-        let mut miss: Vec<f64> = self.compliance.values.iter().zip(&reached).map(|(v, u)| v - u).collect();
-        let asked = product(&miss, &solved(&self.precondition, &miss)?);
-        let mut scaled = self.answer(&mut miss, &mut amounts)?;
-        let mut size = product(&miss, &scaled);
-        // Where fields without energy meet all constraints nothing but rounding is left, of either sign.
-        let (first, goal) = (size, (size * self.tolerance * self.tolerance).max(asked * ROUNDING * ROUNDING));
-        let mut direction = scaled.clone();
-        let mut steps = 0;
-        while !(size.abs() <= goal) {
-            if steps == MOST_STEPS || !(size > 0.0 && size.is_finite()) {
-                return Err(RefineError::NotConverged { tolerance: self.tolerance });
-            }
-            steps += 1;
-            // The less there is left to do, the fewer digits of it matter.
-            let close = (least * (first / size).sqrt()).clamp(least, COARSEST_RESPONSE);
-            let moved = self.respond(&direction, close)?;
-            let mut image = at_faces::<B>(&self.compliance.faces, &moved);
-            image.iter_mut().zip(&self.compliance.slacks).zip(&direction).for_each(|((q, slack), y)| *q += slack * y);
-            let curvature = product(&direction, &image);
-            if !(curvature > 0.0) {
-                return Err(RefineError::NotConverged { tolerance: self.tolerance });
-            }
-            let step = size / curvature;
-            add(&mut self.field, &moved, step);
-            miss.iter_mut().zip(&image).for_each(|(m, q)| *m -= step * q);
-            scaled = self.answer(&mut miss, &mut amounts)?;
-            let next = product(&miss, &scaled);
-            let shared = next + step * product(&image, &scaled);
-            let keep = (next - shared) / size;
-            size = next;
-            direction.iter_mut().zip(&scaled).for_each(|(d, z)| *d = z + keep * *d);
-        }
-        self.response.kernel().iter().for_each(|own| own.add_to::<B>(&self.loose, &amounts, &mut self.field));
-        Ok(())
     }
 }

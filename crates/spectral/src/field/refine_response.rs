@@ -6,7 +6,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use chladni_algebra::BlockMatrix;
+use chladni_algebra::{BlockMatrix, vectorized};
 use chladni_base::Monitor;
 use chladni_base::parallel::*;
 
@@ -33,6 +33,9 @@ const PRECONDITION: f64 = 1e-2;
 
 /// Numbers that one task handles. Sums are formed in pieces that do not depend on the number of threads.
 const PIECE: usize = 1 << 14;
+
+/// Rows of a product that one task computes.
+const ROWS: usize = 2048;
 
 /// The operator of all fields with its levels.
 pub(super) struct Whole<const B: usize> {
@@ -87,9 +90,26 @@ enum Solver<'a, const B: usize> {
     Direct(&'a Direct<B>, Arc<ShiftedFactor>),
 }
 
+/// Eight sums at once: none waits for the one before.
+fn piece_dot(a: &[f64], b: &[f64]) -> f64 {
+    vectorized(
+        (a, b),
+        #[inline(always)]
+        |(a, b)| {
+            let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
+            let mut sums = [0.0; 8];
+            for (a, b) in a.iter().zip(b) {
+                for k in 0..8 {
+                    sums[k] += a[k] * b[k];
+                }
+            }
+            sums.iter().sum::<f64>() + a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum::<f64>()
+        },
+    )
+}
+
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let sums: Vec<f64> =
-        a.par_chunks(PIECE).zip(b.par_chunks(PIECE)).map(|(a, b)| a.iter().zip(b).map(|(a, b)| a * b).sum()).collect();
+    let sums: Vec<f64> = a.par_chunks(PIECE).zip(b.par_chunks(PIECE)).map(|(a, b)| piece_dot(a, b)).collect();
     sums.iter().sum()
 }
 
@@ -103,6 +123,14 @@ pub(super) fn product<const B: usize>(mass: &[f64], a: &[f64], b: &[f64]) -> f64
         })
         .collect();
     sums.iter().sum()
+}
+
+/// `aᵀ c` and `bᵀ c`.
+fn dots(a: &[f64], b: &[f64], c: &[f64]) -> (f64, f64) {
+    let pieces = a.par_chunks(PIECE).zip(b.par_chunks(PIECE)).zip(c.par_chunks(PIECE));
+    // A piece of `c` is in the cache when it meets that of `b`.
+    let sums: Vec<(f64, f64)> = pieces.map(|((a, b), c)| (piece_dot(a, c), piece_dot(b, c))).collect();
+    sums.iter().fold((0.0, 0.0), |all, own| (all.0 + own.0, all.1 + own.1))
 }
 
 /// `a += factor · b`.
@@ -184,10 +212,31 @@ impl<const B: usize> Whole<B> {
 
     /// `γ > 0` only: `(S + γM) x`.
     pub fn shifted(&self, gamma: f64, x: &[f64]) -> Vec<f64> {
-        let mut image = self.stiff(x);
-        let mut mass = x.to_vec();
-        self.weigh(&mut mass);
-        add(&mut image, &mass, gamma);
+        let mut image = vec![0.0; x.len()];
+        let x = x.as_chunks::<B>().0;
+        image.as_chunks_mut::<B>().0.par_chunks_mut(ROWS).enumerate().for_each(|(task, image)| {
+            vectorized(
+                image,
+                #[inline(always)]
+                |image| {
+                    for (k, image) in image.iter_mut().enumerate() {
+                        let row = task * ROWS + k;
+                        let (columns, blocks) = self.stiffness.row(row);
+                        let mut sums = [[0.0; B]; B];
+                        for (&column, block) in columns.iter().zip(blocks) {
+                            let x = &x[column as usize];
+                            for i in 0..B {
+                                for j in 0..B {
+                                    sums[i][j] += block[i][j] * x[j];
+                                }
+                            }
+                        }
+                        let mass = gamma * self.mass[row];
+                        *image = std::array::from_fn(|i| sums[i].iter().sum::<f64>() + mass * x[row][i]);
+                    }
+                },
+            );
+        });
         image
     }
 }
@@ -406,16 +455,19 @@ fn steps(
             break;
         }
         let step = rz / curvature;
-        add(&mut x, &direction, step);
-        add(&mut residual, &product, -step);
+        let both = x.par_chunks_mut(PIECE).zip(direction.par_chunks(PIECE));
+        both.zip(residual.par_chunks_mut(PIECE).zip(product.par_chunks(PIECE))).for_each(|((x, d), (r, p))| {
+            x.iter_mut().zip(d).for_each(|(x, d)| *x += step * d);
+            r.iter_mut().zip(p).for_each(|(r, p)| *r -= step * p);
+        });
         scaled = precondition(&residual)?;
-        let next = dot(&residual, &scaled);
+        let (next, kept) = dots(&residual, &product, &scaled);
         // Rounding has either sign; what is negative beyond it is no residual.
         if next.abs() <= goal {
             return Ok((x, true));
         }
         // What the new residual shares with the last, which is nothing where the preconditioner stays the same, is taken out of the direction.
-        let shared = next + step * dot(&product, &scaled);
+        let shared = next + step * kept;
         let keep = (next - shared) / rz;
         rz = next;
         direction.par_chunks_mut(PIECE).zip(scaled.par_chunks(PIECE)).for_each(|(d, z)| {

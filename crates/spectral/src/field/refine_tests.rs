@@ -211,6 +211,21 @@ fn refined_designs_on_real_surfaces_are_those_of_a_sparse_factor() {
     }
 }
 
+#[test]
+fn whatever_tolerance_is_allowed_a_design_is_refined_to_it() {
+    let p = problem(FieldSurface::new(generate(Shape::Sphere, 260).unwrap()).unwrap(), FieldKind::Vector {}, 120);
+    let weighted = p.model.weighted(EnergyWeights::default(), None).unwrap();
+    let constraints = spread(p.surface.faces(), 5, |_| Hold::Strength(1.0));
+    let design = weighted.solve(&p.basis, &constraints).unwrap();
+    let refined = |tolerance| p.full.refine(&weighted, &p.basis, &constraints, &design, tolerance, &Unwatched).unwrap();
+    let close = refined(1e-10).field;
+    for tolerance in [0.99, 0.5, 0.1, 0.02, 1e-3, 1e-6] {
+        let off = p.off(&refined(tolerance).field, &close);
+        // What is left is measured by pulls, and is about that share of the field.
+        assert!(off < 3.0 * tolerance, "{tolerance}: {off}");
+    }
+}
+
 /// One stroke fixes two of the four numbers of fields without energy on two plates. The least field that meets it is zero on the other plate.
 #[test]
 fn fields_without_energy_that_no_constraint_holds_are_as_small_as_possible() {
