@@ -57,6 +57,7 @@ export async function fields(site) {
       assert.match(await panel.innerText(), /Eigenfield 3: λ ≈ [\d.,]+/);
       assert.notDeepEqual(await picture(page), first);
       await page.getByRole("slider", { name: "Eigenfield" }).fill("0");
+      await page.waitForFunction(() => document.body.dataset.eigenfield === "0");
       await keep(page, `field-${n}`);
     }
   });

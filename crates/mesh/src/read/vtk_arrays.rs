@@ -21,8 +21,14 @@ pub(super) struct Coding<'a> {
     /// Whether sizes before data have eight bytes instead of four.
     pub wide_sizes: bool,
     pub compressed: bool,
-    /// What lies behind all elements, and whether it is base64.
-    pub appended: Option<(&'a [u8], bool)>,
+    pub appended: Option<Appended<'a>>,
+}
+
+/// What lies behind all elements.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Appended<'a> {
+    pub data: &'a [u8],
+    pub base64: bool,
 }
 
 pub(super) fn refuse(reason: impl Into<String>) -> ReadError {
@@ -109,11 +115,11 @@ impl<'a> Array<'a> {
             "ascii" | "" => Data::Text(inside),
             "binary" => Data::Base64(inside.as_bytes()),
             "appended" => {
-                let (bytes, base64) =
+                let Appended { data, base64 } =
                     coding.appended.ok_or_else(|| refuse(format!("{name}: `AppendedData` is missing")))?;
                 let offset: usize = told("offset").parse().map_err(|_| unknown("offset"))?;
-                let rest = bytes.get(offset..).ok_or_else(|| {
-                    refuse(format!("{name}: offset {offset} lies behind the {} bytes of `AppendedData`", bytes.len()))
+                let rest = data.get(offset..).ok_or_else(|| {
+                    refuse(format!("{name}: offset {offset} lies behind the {} bytes of `AppendedData`", data.len()))
                 })?;
                 if base64 { Data::Base64(rest) } else { Data::Raw(rest) }
             }

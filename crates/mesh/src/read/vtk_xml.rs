@@ -7,7 +7,7 @@ use roxmltree::Node;
 use super::builder::Builder;
 use super::error::{Place, ReadError, shorten};
 use super::vtk::{self, Cells};
-use super::vtk_arrays::{Array, Coding, Number, refuse};
+use super::vtk_arrays::{Appended, Array, Coding, Number, refuse};
 use super::{MeshFormat, RawMesh, ReadLimits, xml};
 
 /// What polygons and strips of triangles are among cells.
@@ -64,8 +64,8 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
     builder.finish()
 }
 
-/// The text up to what is appended, closed, and what is appended, with whether it is base64. As they are, bytes are no XML.
-fn apart(bytes: &[u8]) -> Result<(Cow<'_, str>, Option<(&[u8], bool)>), ReadError> {
+/// The text up to what is appended, closed, and what is appended. As they are, bytes are no XML.
+fn apart(bytes: &[u8]) -> Result<(Cow<'_, str>, Option<Appended<'_>>), ReadError> {
     const OPENING: &[u8] = b"<AppendedData";
     let utf8 = |bytes| std::str::from_utf8(bytes).map_err(|_| refuse("the text is not UTF-8"));
     let position = |bytes: &[u8], sign: u8| bytes.iter().position(|&byte| byte == sign);
@@ -85,7 +85,7 @@ fn apart(bytes: &[u8]) -> Result<(Cow<'_, str>, Option<(&[u8], bool)>), ReadErro
     if base64 {
         data = &data[..position(data, b'<').unwrap_or(data.len())];
     }
-    Ok((Cow::Owned(format!("{}</VTKFile>", utf8(&bytes[..begin])?)), Some((data, base64))))
+    Ok((Cow::Owned(format!("{}</VTKFile>", utf8(&bytes[..begin])?)), Some(Appended { data, base64 })))
 }
 
 /// A number that an element tells, none where it tells nothing.
