@@ -39,6 +39,8 @@ const WORKERS: usize = 3;
 const DIVIDED: u32 = 12;
 const PAIRS: usize = 136;
 const SERVERS: usize = 2;
+/// Nothing is submitted while jobs wait for longer.
+const MOST_AGE: Duration = Duration::from_secs(15);
 
 /// What clients know, and where they ask.
 struct Clients {
@@ -64,9 +66,21 @@ impl Clients {
         servers[turn as usize % servers.len()].clone()
     }
 
+    /// Whether jobs wait for longer than they are worth: storms are to meet jobs at work, and not a queue of an hour.
+    async fn is_behind(&self, turn: u64) -> bool {
+        let asked = self.client.get(format!("{}/readyz", self.server(turn))).timeout(Duration::from_secs(5));
+        let Ok(answer) = asked.send().await else { return false };
+        let told = answer.json::<Value>().await.unwrap_or_default();
+        told["queue_age_seconds"].as_f64().is_some_and(|age| age > MOST_AGE.as_secs_f64())
+    }
+
     /// Submits jobs one after the other, each until it is acknowledged.
     async fn submit(self: Arc<Self>, mut dice: Dice) {
         while !self.stop.load(Ordering::Relaxed) {
+            if self.is_behind(dice.below(8)).await {
+                tokio::time::sleep(Duration::from_millis(200)).await;
+                continue;
+            }
             let number = self.next.fetch_add(1, Ordering::Relaxed) as u32;
             let seconds = dice.below(300) as f64 / 1000.0;
             let request = match number % DIVIDED == 7 {
@@ -226,9 +240,9 @@ impl Scene {
         self.workers[place] = self.places.worker(&[WORKER, settings].concat());
     }
 
-    /// One worker, or several at once. Dropping a worker or a server kills it.
+    /// One worker, or several one after the other, those that have just begun among them. Dropping a worker or a server kills it.
     fn kill_workers(&mut self) {
-        for _ in 0..=self.dice.below(WORKERS as u64) {
+        for _ in 0..=self.dice.below(2 * WORKERS as u64 - 1) {
             let place = self.any_worker();
             self.replace_worker(place, &[]);
             self.done.workers_killed += 1;
@@ -327,7 +341,10 @@ impl Scene {
         let acknowledged = self.clients.acknowledged.lock().unwrap().clone();
         let begun = Instant::now();
         let (mut done, mut results, mut divided) = (HashMap::new(), HashSet::new(), Vec::new());
-        for (number, id) in &acknowledged {
+        // Those that wait are begun in this order.
+        let mut in_order: Vec<_> = acknowledged.iter().collect();
+        in_order.sort();
+        for (number, id) in in_order {
             let job = self.servers[0].finished(id).await;
             assert_eq!(job["status"], "succeeded", "{job}");
             let basis = job["basis"].as_str().unwrap().to_owned();
