@@ -96,6 +96,7 @@ impl Postgres {
                 .map_err(|_| unreachable(format!("no answer within {} s", (busy_timeout * 2).as_secs_f64())))?
                 .map_err(|error| match StoreError::from(error) {
                     StoreError::Refused { detail } => StoreError::Refused { detail: format!("the database: {detail}") },
+                    StoreError::Unavailable { detail } | StoreError::Busy { detail } => unreachable(detail),
                     other => unreachable(other.to_string()),
                 })?;
             let _ = first.close().await;
