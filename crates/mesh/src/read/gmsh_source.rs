@@ -37,7 +37,7 @@ impl<'a> Source<'a> {
     ///
     /// # Errors
     /// [`ReadError::Header`] where it is no one, and for widths of counts other than four and eight bytes.
-    pub fn is_binary(&mut self, size: i64) -> Result<(), ReadError> {
+    pub fn begin_binary(&mut self, size: i64) -> Result<(), ReadError> {
         let place = self.text.place();
         let wrong = |reason| ReadError::Header { format: MeshFormat::Gmsh, place, reason };
         let size = match size {
@@ -86,7 +86,8 @@ impl<'a> Source<'a> {
         }
     }
 
-    pub fn has_bytes(&self) -> bool {
+    /// Whether numbers are bytes.
+    pub fn is_binary(&self) -> bool {
         self.binary.is_some()
     }
 

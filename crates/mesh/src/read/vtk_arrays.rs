@@ -71,19 +71,10 @@ impl Kind {
 
 /// A number of an array.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Number {
+enum Number {
     /// One beyond 63 bits is the largest there is.
     Whole(i64),
     Real(f64),
-}
-
-impl Number {
-    pub fn real(self) -> f64 {
-        match self {
-            Self::Whole(number) => number as f64,
-            Self::Real(number) => number,
-        }
-    }
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -138,13 +129,35 @@ impl<'a> Array<'a> {
         }) as u64
     }
 
-    /// Whether the numbers are whole.
-    pub fn is_whole(&self) -> bool {
-        matches!(self.kind, Kind::Signed(_) | Kind::Unsigned(_))
+    /// Hands so many numbers on, with their places, in rows of `columns`.
+    pub fn each_real(
+        &self,
+        count: usize,
+        columns: usize,
+        mut take: impl FnMut(usize, f64) -> Result<(), ReadError>,
+    ) -> Result<(), ReadError> {
+        self.each(count, columns, |place, number| match number {
+            Number::Whole(number) => take(place, number as f64),
+            Number::Real(number) => take(place, number),
+        })
     }
 
-    /// Hands so many numbers on, with their places, in rows of `columns`.
-    pub fn each(
+    /// Hands so many whole numbers on.
+    ///
+    /// # Errors
+    /// [`ReadError::Arrays`] where the array has others.
+    pub fn each_whole(
+        &self,
+        count: usize,
+        mut take: impl FnMut(i64) -> Result<(), ReadError>,
+    ) -> Result<(), ReadError> {
+        self.each(count, 1, |_, number| match number {
+            Number::Whole(number) => take(number),
+            Number::Real(_) => Err(refuse(format!("{}: whole numbers are needed", self.name))),
+        })
+    }
+
+    fn each(
         &self,
         count: usize,
         columns: usize,
@@ -186,9 +199,9 @@ impl<'a> Array<'a> {
     }
 
     fn parse(&self, word: &str) -> Result<Number, ReadError> {
-        let number = match self.is_whole() {
-            true => word.parse().ok().map(Number::Whole),
-            false => word.parse().ok().map(Number::Real),
+        let number = match self.kind {
+            Kind::Signed(_) | Kind::Unsigned(_) => word.parse().ok().map(Number::Whole),
+            Kind::Float32 | Kind::Float64 => word.parse().ok().map(Number::Real),
         };
         let unread =
             || ReadError::NotANumber { place: self.place, token: shorten(word.as_bytes()), expected: self.name };

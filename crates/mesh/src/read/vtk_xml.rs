@@ -7,7 +7,7 @@ use roxmltree::Node;
 use super::builder::Builder;
 use super::error::{Place, ReadError, shorten};
 use super::vtk::{self, Cells};
-use super::vtk_arrays::{Appended, Array, Coding, Number, refuse};
+use super::vtk_arrays::{Appended, Array, Coding, refuse};
 use super::{MeshFormat, RawMesh, ReadLimits, xml};
 
 /// What polygons and strips of triangles are among cells.
@@ -107,19 +107,22 @@ fn points<'a>(piece: Node<'a, '_>, coding: Coding<'a>, builder: &mut Builder) ->
     let array = Array::of(node, coding, "point")?;
     builder.expect_vertices(declared, array.possible() / 3)?;
     let mut point = [0.0; 3];
-    array.each(3 * declared as usize, 3, |number, coordinate| {
-        point[number % 3] = coordinate.real();
+    array.each_real(3 * declared as usize, 3, |number, coordinate| {
+        point[number % 3] = coordinate;
         if number % 3 == 2 { builder.vertex(point) } else { Ok(()) }
     })
 }
 
-/// An array of whole numbers by its name.
-fn whole<'a>(element: Node<'a, '_>, name: &'static str, coding: Coding<'a>) -> Result<Array<'a>, ReadError> {
+/// An array by its name, and what messages call its numbers.
+fn named<'a>(
+    element: Node<'a, '_>,
+    (name, one): (&str, &'static str),
+    coding: Coding<'a>,
+) -> Result<Array<'a>, ReadError> {
     let wanted = |node: &Node<'_, '_>| node.has_tag_name("DataArray") && node.attribute("Name") == Some(name);
     let node = element.children().find(wanted);
     let node = node.ok_or_else(|| refuse(format!("`{}` has no array `{name}`", element.tag_name().name())))?;
-    let array = Array::of(node, coding, name)?;
-    if array.is_whole() { Ok(array) } else { Err(refuse(format!("{name}: whole numbers are needed"))) }
+    Array::of(node, coding, one)
 }
 
 /// The cells of an element of a piece, with vertices counted from `first` on; `None` where there are none.
@@ -134,28 +137,27 @@ fn cells(
     if declared == 0 {
         return Ok(None);
     }
-    let element = piece.children().find(|node| node.has_tag_name(element));
-    let element =
-        element.ok_or_else(|| refuse(format!("{number} is {declared}, and the piece has no such element")))?;
-    let offsets = whole(element, "offsets", coding)?;
+    let found = piece.children().find(|node| node.has_tag_name(element));
+    let found =
+        found.ok_or_else(|| refuse(format!("{number} is {declared}, but the piece has no element `{element}`")))?;
+    let offsets = named(found, ("offsets", "offset"), coding)?;
     let exceeds = |element: &'static str, declared: u64, array: &Array<'_>| match array.possible() {
         possible if declared > possible => Err(ReadError::CountExceedsFile { element, declared, possible }),
         _ => Ok(()),
     };
     exceeds("cell", declared, &offsets)?;
     let (mut ends, mut last) = (Vec::new(), 0);
-    offsets.each(declared as usize, 1, |number, end| {
-        let end = if let Number::Whole(end) = end { u32::try_from(end).ok() } else { None };
-        let end = end.filter(|&end| end >= last);
-        last = end.ok_or(ReadError::Truncated { element: "cell", number, declared: declared as usize })?;
+    offsets.each_whole(declared as usize, |end| {
+        let end = u32::try_from(end).ok().filter(|&end| end >= last);
+        let (number, declared) = (ends.len(), declared as usize);
+        last = end.ok_or(ReadError::Truncated { element: "cell", number, declared })?;
         ends.push(last);
         Ok(())
     })?;
-    let connectivity = whole(element, "connectivity", coding)?;
+    let connectivity = named(found, ("connectivity", "corner"), coding)?;
     exceeds("corner", u64::from(last), &connectivity)?;
     let mut corners = Vec::new();
-    connectivity.each(last as usize, 1, |_, corner| {
-        let Number::Whole(corner) = corner else { return Ok(()) };
+    connectivity.each_whole(last as usize, |corner| {
         // What is less than zero is refused with the cell that has it.
         corners.push(if corner < 0 { corner } else { corner.saturating_add(first as i64) });
         Ok(())
@@ -169,8 +171,9 @@ fn kinds(piece: Node<'_, '_>, count: usize, coding: Coding<'_>) -> Result<Vec<u8
     let element =
         element.ok_or(ReadError::MissingSection { place: Place::Byte(piece.range().start), section: "Cells" })?;
     let mut kinds = Vec::with_capacity(count);
-    whole(element, "types", coding)?.each(count, 1, |_, kind| {
-        kinds.push(if let Number::Whole(kind) = kind { u8::try_from(kind).unwrap_or(u8::MAX) } else { u8::MAX });
+    named(element, ("types", "type"), coding)?.each_whole(count, |kind| {
+        // No cell has the last of all numbers for its type.
+        kinds.push(u8::try_from(kind).unwrap_or(u8::MAX));
         Ok(())
     })?;
     Ok(kinds)
@@ -243,20 +246,26 @@ mod tests {
             ("NumberOfComponents=\"3\"", "NumberOfComponents=\"2\"", "three components"),
             ("NumberOfPoints=\"12\"", "NumberOfPoints=\"13\"", "point 12 of 13"),
             ("NumberOfPoints=\"12\"", "NumberOfPoints=\"4000000000\"", "announces 4000000000"),
-            ("NumberOfCells=\"9\"", "NumberOfCells=\"10\"", "offsets 9 of 10"),
+            ("NumberOfCells=\"9\"", "NumberOfCells=\"10\"", "offset 9 of 10"),
             ("NumberOfCells=\"9\"", "NumberOfCells=\"4000000000\"", "announces 4000000000"),
             ("NumberOfCells=\"9\"", "NumberOfCells=\"some\"", "`some` is not read as NumberOfCells"),
             ("Name=\"connectivity\"", "Name=\"corners\"", "no array `connectivity`"),
             ("type=\"Float32\"", "type=\"Complex\"", "`Complex` is not read as type"),
             ("format=\"ascii\"", "format=\"binary\"", "announces 12 of"),
             ("format=\"ascii\"", "format=\"appended\"", "`AppendedData` is missing"),
-            ("<Cells>", "<Calls>", "Cells"),
+            (
+                "type=\"Int64\" Name=\"offsets\"",
+                "type=\"Float32\" Name=\"offsets\"",
+                "offset: whole numbers are needed",
+            ),
+            ("NumberOfPoints", "NumberOfPlaces", "refers to vertex"),
             ("</VTKFile>", "", "VTK"),
         ] {
             assert!(GRID.contains(from), "{from}");
             let refused = refused(&GRID.replacen(from, to, 1));
             assert!(refused.contains(expected), "{from}: {refused}");
         }
+        assert!(refused(&GRID.replace("Cells>", "Calls>")).contains("no element `Cells`"));
     }
 
     #[test]
