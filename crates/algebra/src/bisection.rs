@@ -7,7 +7,7 @@
 
 use chladni_base::parallel::*;
 
-use super::{DenseMatrix, orthonormalise, vectorized};
+use super::{DenseMatrix, dot, orthonormalise, vectorized};
 
 /// Shifts that are counted at once.
 const LANES: usize = 32;
@@ -168,18 +168,6 @@ impl Tridiagonal {
         }
         square.sqrt()
     }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let (a8, a1) = a.as_chunks::<8>();
-    let (b8, b1) = b.as_chunks::<8>();
-    let mut sums = [0.0; 8];
-    for (a, b) in a8.iter().zip(b8) {
-        for k in 0..8 {
-            sums[k] += a[k] * b[k];
-        }
-    }
-    sums.iter().sum::<f64>() + a1.iter().zip(b1).map(|(a, b)| a * b).sum::<f64>()
 }
 
 /// `T − x = P L U` by elimination with partial pivoting, as LAPACK's `dgttrf`.

@@ -67,6 +67,6 @@ pub use patches::{ExactRow, PATCH_ROWS, Patch, RINGS, SparseRows};
 pub use product::{Panel, Scalar};
 pub use recount::eigenvalues_below;
 pub use residual_gram::{Magnitudes, residual_gram, residual_magnitudes};
-pub use simd::vectorized;
+pub use simd::{dot, vectorized};
 pub use sparse::{SparseError, SparseMatrix};
 pub use symmetric::lowest_symmetric;

@@ -90,21 +90,11 @@ enum Solver<'a, const B: usize> {
     Direct(&'a Direct<B>, Arc<ShiftedFactor>),
 }
 
-/// Eight sums at once: none waits for the one before.
 fn piece_dot(a: &[f64], b: &[f64]) -> f64 {
     vectorized(
         (a, b),
         #[inline(always)]
-        |(a, b)| {
-            let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
-            let mut sums = [0.0; 8];
-            for (a, b) in a.iter().zip(b) {
-                for k in 0..8 {
-                    sums[k] += a[k] * b[k];
-                }
-            }
-            sums.iter().sum::<f64>() + a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum::<f64>()
-        },
+        |(a, b)| chladni_algebra::dot(a, b),
     )
 }
 
