@@ -1,4 +1,4 @@
-//! MEDIT `.mesh` files (Frey 2001, INRIA RT-0253), ASCII.
+//! MEDIT `.mesh` files (Frey 2001, INRIA RT-0253), ASCII; binary ones are in [`medit_binary`](super::medit_binary).
 
 use super::builder::Builder;
 use super::error::{ReadError, shorten};

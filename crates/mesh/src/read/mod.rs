@@ -6,7 +6,7 @@
 //! | Stanford PLY | `ply` | ASCII and both byte orders, polygons, triangle strips, extra elements |
 //! | Geomview OFF | `off` | ASCII, with the `ST`, `C`, `N`, `4` and `n` prefixes |
 //! | STL | `stl` | ASCII and binary; positions are repeated by design |
-//! | MEDIT `.mesh` | `medit` | ASCII; triangles, quadrilaterals, tetrahedra |
+//! | MEDIT `.mesh`, `.meshb` | `medit`, `medit_binary` | ASCII and binary; triangles, quadrilaterals, tetrahedra |
 //! | VTK legacy | `vtk` | ASCII and binary; polygonal data and unstructured grids |
 //! | VTK in XML (`.vtp`, `.vtu`) | `vtk_xml` | all encodings, with zlib or without; all pieces |
 //! | Gmsh MSH | `gmsh` | ASCII and binary, versions 2 and 4.1; triangles, quadrilaterals, tetrahedra |
@@ -28,6 +28,7 @@ mod gltf_nodes;
 mod gmsh;
 mod gmsh_source;
 mod medit;
+mod medit_binary;
 mod obj;
 mod obj_attributes;
 mod off;
@@ -98,7 +99,7 @@ pub enum MeshFormat {
     Off,
     /// Stereolithography, ASCII or binary.
     Stl,
-    /// MEDIT (INRIA) `.mesh`, ASCII.
+    /// MEDIT (INRIA): `.mesh`, ASCII, or `.meshb`, binary.
     Medit,
     /// VTK: its legacy format, or XML (`.vtp`, `.vtu`).
     Vtk,
@@ -177,7 +178,7 @@ impl MeshFormat {
             "ply" => Some(MeshFormat::Ply),
             "off" | "coff" | "noff" => Some(MeshFormat::Off),
             "stl" => Some(MeshFormat::Stl),
-            "mesh" | "medit" => Some(MeshFormat::Medit),
+            "mesh" | "meshb" | "medit" => Some(MeshFormat::Medit),
             "vtk" | "vtp" | "vtu" => Some(MeshFormat::Vtk),
             "msh" | "gmsh" => Some(MeshFormat::Gmsh),
             // FreeSurfer's files end in what the surface is.
@@ -241,6 +242,9 @@ impl MeshFormat {
         }
         if stl::is_binary_by_size(bytes) {
             return Some(MeshFormat::Stl);
+        }
+        if medit_binary::is_binary(bytes) {
+            return Some(MeshFormat::Medit);
         }
         let mut text = text::Text::new(bytes);
         if !text.any() {
@@ -319,6 +323,7 @@ pub fn read(bytes: &[u8], format: MeshFormat, limits: &ReadLimits) -> Result<Raw
         MeshFormat::Ply => ply::read(bytes, limits),
         MeshFormat::Off => off::read(bytes, limits),
         MeshFormat::Stl => stl::read(bytes, limits),
+        MeshFormat::Medit if medit_binary::is_binary(bytes) => medit_binary::read(bytes, limits),
         MeshFormat::Medit => medit::read(bytes, limits),
         MeshFormat::Vtk if vtk_xml::is_xml(bytes) => vtk_xml::read(bytes, limits),
         MeshFormat::Vtk => vtk::read(bytes, limits),
