@@ -1,5 +1,5 @@
-//! Makes the manual's pages of the files in `docs/`: HTML with relative links, so that they work under any address, and an index that the
-//! browser searches. The order of pages and their groups are those of `docs/README.md`.
+//! Makes the manual's pages of the files in `docs/`: HTML with relative links, so that they work under any address, and
+//! an index that the browser searches. The order of pages and their groups are those of `docs/README.md`.
 
 use std::collections::{HashMap, HashSet};
 use std::error::Error;
@@ -12,7 +12,8 @@ use serde_json::json;
 
 /// A file under `docs/`.
 struct Page {
-    /// Its path there, without the ending; a README is its folder: "", "signatures", "decisions/", "decisions/0020-cargo-builds-the-page".
+    /// Its path there, without the ending; a README is its folder: "", "signatures", "decisions/",
+    /// "decisions/0020-cargo-builds-the-page".
     name: String,
     title: String,
     source: String,
@@ -124,7 +125,8 @@ fn root(name: &str) -> String {
     }
 }
 
-/// Where a link of a page leads: to another page or picture of the manual, elsewhere, or (`None`) into the tree of sources, which is not served.
+/// Where a link of a page leads: to another page or picture of the manual, elsewhere, or (`None`) into the tree of
+/// sources, which is not served.
 fn target(link: &str, page: &str, known: &HashSet<String>, docs: &Path) -> Option<String> {
     if link.contains("://") || link.starts_with(['#', '/']) {
         return Some(link.to_owned());

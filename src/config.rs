@@ -1,7 +1,7 @@
 //! Every setting of the service, with its flag, its environment variable and its default.
 //!
-//! A flag wins over its environment variable, which wins over the default. Sizes are bytes (`268435456` or `256MiB`), times
-//! are seconds (`30` or `0.5`); both carry their unit in the name.
+//! A flag wins over its environment variable, which wins over the default. Sizes are bytes (`268435456` or `256MiB`),
+//! times are seconds (`30` or `0.5`); both carry their unit in the name.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
@@ -55,12 +55,13 @@ pub struct Config {
 
     /// Names that the server is called by, separated by commas, beside localhost and its addresses; * for any
     ///
-    /// A server on loopback without keys answers to no other name, lest a web page reach it by one of its own. Any other server checks
-    /// names only where they are given.
+    /// A server on loopback without keys answers to no other name, lest a web page reach it by one of its own. Any
+    /// other server checks names only where they are given.
     #[arg(long, value_name = "NAMES", env = "CHLADNI_HOSTS", value_delimiter = ',', help_heading = "Network")]
     pub hosts: Vec<String>,
 
-    /// Connections served at once, three quarters of them at most for one client; beyond, only health and metrics are answered
+    /// Connections served at once, three quarters of them at most for one client; beyond, only health and metrics are
+    /// answered
     #[arg(long, value_name = "N", env = "CHLADNI_MAX_CONNECTIONS", default_value_t = 512, value_parser = at_least_one, help_heading = "Network")]
     pub max_connections: usize,
 
@@ -76,7 +77,8 @@ pub struct Config {
     #[arg(long, value_name = "FOLDER", env = "CHLADNI_DATA", default_value = "chladni-data", help_heading = "Storage")]
     pub data: PathBuf,
 
-    /// Records in a PostgreSQL that servers and workers share, as postgres://USER:PASSWORD@HOST/DATABASE; goes with --objects
+    /// Records in a PostgreSQL that servers and workers share, as postgres://USER:PASSWORD@HOST/DATABASE; goes with
+    /// --objects
     #[arg(
         long,
         value_name = "ADDRESS",
@@ -87,7 +89,8 @@ pub struct Config {
     )]
     pub database: Option<Secret>,
 
-    /// The same database with no pooler between, where --database leads to one that gives connections out by transaction, as PgBouncer does
+    /// The same database with no pooler between, where --database leads to one that gives connections out by
+    /// transaction, as PgBouncer does
     #[arg(
         long,
         value_name = "ADDRESS",
@@ -98,12 +101,13 @@ pub struct Config {
     )]
     pub database_direct: Option<Secret>,
 
-    /// Content in an object store that servers and workers share, as s3://BUCKET/PREFIX?endpoint=ADDRESS, or file:///FOLDER that all of them see;
-    /// goes with --database
+    /// Content in an object store that servers and workers share, as s3://BUCKET/PREFIX?endpoint=ADDRESS, or
+    /// file:///FOLDER that all of them see; goes with --database
     #[arg(long, value_name = "ADDRESS", env = "CHLADNI_OBJECTS", requires = "database", help_heading = "Storage")]
     pub objects: Option<String>,
 
-    /// Bytes of decoded bases kept in memory for synchronous solves, and as many of surfaces and factors that fields are designed with
+    /// Bytes of decoded bases kept in memory for synchronous solves, and as many of surfaces and factors that fields
+    /// are designed with
     #[arg(long, value_name = "BYTES", env = "CHLADNI_CACHE_BYTES", default_value = "1GiB", value_parser = bytes, help_heading = "Storage")]
     pub cache_bytes: u64,
 
@@ -125,8 +129,8 @@ pub struct Config {
 
     /// Where jobs run: processes of their own, or threads of the server
     ///
-    /// A job in a process of its own takes no server with it when it crashes, may take no more memory than was promised, and is killed where it does
-    /// not stop when it is cancelled.
+    /// A job in a process of its own takes no server with it when it crashes, may take no more memory than was
+    /// promised, and is killed where it does not stop when it is cancelled.
     #[arg(
         long,
         value_name = "WHERE",
@@ -141,16 +145,18 @@ pub struct Config {
     #[arg(long, value_name = "N", env = "CHLADNI_THREADS", default_value_t = 0, help_heading = "Work")]
     pub threads: usize,
 
-    /// Threads of their own for synchronous solves, which go before those of jobs; 0 for half of the cores, at least two
+    /// Threads of their own for synchronous solves, which go before those of jobs; 0 for half of the cores, at least
+    /// two
     #[arg(long, value_name = "N", env = "CHLADNI_SOLVE_THREADS", default_value_t = 0, help_heading = "Work")]
     pub solve_threads: usize,
 
-    /// Graphics card for large dense problems: off; auto for the first one that is no software, where it is faster than the CPU; or its
-    /// number or a part of its name
+    /// Graphics card for large dense problems: off; auto for the first one that is no software, where it is faster than
+    /// the CPU; or its number or a part of its name
     #[arg(long, value_name = "CARD", env = "CHLADNI_GPU", default_value = "auto", help_heading = "Work")]
     pub gpu: String,
 
-    /// Bytes of memory that running jobs may need together, by estimate; 0 for three quarters of what is free at the start
+    /// Bytes of memory that running jobs may need together, by estimate; 0 for three quarters of what is free at the
+    /// start
     #[arg(long, value_name = "BYTES", env = "CHLADNI_MEMORY_BYTES", default_value = "0", value_parser = bytes, help_heading = "Work")]
     pub memory_bytes: u64,
 
@@ -174,8 +180,8 @@ pub struct Config {
     #[arg(long, value_name = "N", env = "CHLADNI_MAX_ATTEMPTS", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..), help_heading = "Work")]
     pub max_attempts: u32,
 
-    /// A fault for tests, as POINT:ACTION or POINT:ACTION:PASSES; see the faults of the store. Or gpu-lost: the graphics card
-    /// is lost when a problem first reaches it
+    /// A fault for tests, as POINT:ACTION or POINT:ACTION:PASSES; see the faults of the store. Or gpu-lost: the
+    /// graphics card is lost when a problem first reaches it
     #[arg(long, value_name = "FAULT", env = "CHLADNI_FAULT", hide = true)]
     pub fault: Option<String>,
 
@@ -192,7 +198,8 @@ pub struct Config {
     pub logs: LogSettings,
 }
 
-/// What is kept, and for how long; everything for ever unless told otherwise. What a job in the queue needs is always kept.
+/// What is kept, and for how long; everything for ever unless told otherwise. What a job in the queue needs is always
+/// kept.
 #[derive(Debug, Clone, PartialEq, Eq, Default, clap::Args)]
 pub struct Keep {
     /// Seconds after their end for which jobs without a stored basis are kept
@@ -219,7 +226,8 @@ pub struct Keep {
     #[arg(long, value_name = "N", env = "CHLADNI_KEEP_MESHES", help_heading = "Retention")]
     pub keep_meshes: Option<u64>,
 
-    /// Bytes of content that are kept: beyond, what was not used for longest goes, fields, bases and meshes without either
+    /// Bytes of content that are kept: beyond, what was not used for longest goes, fields, bases and meshes without
+    /// either
     #[arg(long, value_name = "BYTES", env = "CHLADNI_KEEP_BYTES", value_parser = bytes, help_heading = "Retention")]
     pub keep_bytes: Option<u64>,
 }
@@ -367,7 +375,8 @@ impl Config {
         if self.threads > 0 { self.threads } else { cores() }
     }
 
-    /// Threads of the pool of synchronous solves: what was asked for, or half of the cores, at least two where there are two.
+    /// Threads of the pool of synchronous solves: what was asked for, or half of the cores, at least two where there
+    /// are two.
     pub fn reduced_solve_threads(&self) -> usize {
         if self.solve_threads > 0 { self.solve_threads } else { (cores() / 2).max(2.min(cores())) }
     }

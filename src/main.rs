@@ -11,8 +11,8 @@ fn main() -> std::process::ExitCode {
     chladni::cli::main()
 }
 
-/// By itself the allocator keeps what was let go of for a second and more, and many gigabytes pass by in one: without this the join of four parts of 8.6
-/// million vertices takes 3.56 GB, and 2.75 with it (docs/decisions/0132).
+/// By itself the allocator keeps what was let go of for a second and more, and many gigabytes pass by in one: without
+/// this the join of four parts of 8.6 million vertices takes 3.56 GB, and 2.75 with it (docs/decisions/0132).
 fn trim() {
     mi_collect(true);
 }

@@ -1,7 +1,8 @@
 //! Logs and metrics.
 //!
-//! Log lines are structured: identifiers are fields (`job`, `mesh`, `basis`, `request`), and a field that measures something
-//! carries its unit in its name (`run_seconds`, `basis_bytes`). Metrics are in base units and begin with `chladni_`.
+//! Log lines are structured: identifiers are fields (`job`, `mesh`, `basis`, `request`), and a field that measures
+//! something carries its unit in its name (`run_seconds`, `basis_bytes`). Metrics are in base units and begin with
+//! `chladni_`.
 
 mod process;
 
@@ -27,8 +28,8 @@ pub enum TelemetryError {
     Metric(#[from] prometheus::Error),
 }
 
-/// What the libraries of the graphics card say is not for the operator of a server: on a machine without a card they call that an error. What matters
-/// of it, the accelerator tells. Directives of the operator come behind these and win.
+/// What the libraries of the graphics card say is not for the operator of a server: on a machine without a card they
+/// call that an error. What matters of it, the accelerator tells. Directives of the operator come behind these and win.
 const GPU_LIBRARIES: &str = "wgpu_core=off,wgpu_hal=off,naga=off";
 
 /// Sends log lines to standard error from now on. A second call in one process changes nothing.
@@ -301,7 +302,8 @@ mod tests {
         );
     }
 
-    /// The rules of `promtool check metrics`, and those of <https://prometheus.io/docs/practices/naming/> that it does not know.
+    /// The rules of `promtool check metrics`, and those of <https://prometheus.io/docs/practices/naming/> that it does
+    /// not know.
     #[test]
     fn metrics_are_named_as_prometheus_would_have_them() {
         let metrics = Metrics::new().unwrap();

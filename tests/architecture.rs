@@ -1,5 +1,5 @@
-//! What the compiler does not hold of the crates: the rooms inside a crate and the arrows between them, who may name a crate of wide reach,
-//! and what a library never says. Between crates the manifests hold the arrows.
+//! What the compiler does not hold of the crates: the rooms inside a crate and the arrows between them, who may name a
+//! crate of wide reach, and what a library never says. Between crates the manifests hold the arrows.
 //!
 //! Test modules may use what they like: everything from the first `#[cfg(test)]` of a file is left out.
 
@@ -36,7 +36,8 @@ const GUARDED: &[(&str, &[&str])] = &[
     ("pulp", &["algebra"]),
     ("wgpu", &["algebra"]),
     ("zip", &["mesh", "formats"]),
-    // A product knows no mesh; geodesics need gradients, hence analysis the mesh. Files hold the numbering of the one that a product lives on.
+    // A product knows no mesh; geodesics need gradients, hence analysis the mesh. Files hold the numbering of the one
+    // that a product lives on.
     (
         "chladni_mesh",
         &[

@@ -1,5 +1,6 @@
-//! The body of every request, changed at random: whatever comes, the answer is a success or a problem of the client's making. What sends them is the
-//! fuzz target's, `fuzz/src/bodies.rs`; here they are changed without looking at what that leads to.
+//! The body of every request, changed at random: whatever comes, the answer is a success or a problem of the client's
+//! making. What sends them is the fuzz target's, `fuzz/src/bodies.rs`; here they are changed without looking at what
+//! that leads to.
 
 #[path = "../fuzz/src/bodies.rs"]
 mod sender;
@@ -138,7 +139,8 @@ fn no_body_is_a_fault_of_the_server() {
     send(1, 2000, Duration::MAX);
 }
 
-/// `STORM=600 cargo test --release --test bodies -- --ignored --nocapture`: for so many seconds, 60 unless told otherwise.
+/// `STORM=600 cargo test --release --test bodies -- --ignored --nocapture`: for so many seconds, 60 unless told
+/// otherwise.
 #[test]
 #[ignore = "takes a minute or more: the figures of docs/reliability.md"]
 fn storm_of_bodies() {

@@ -1,4 +1,5 @@
-//! Two servers and their workers, as processes of their own, share a PostgreSQL and a store of objects. Workers are killed at every point.
+//! Two servers and their workers, as processes of their own, share a PostgreSQL and a store of objects. Workers are
+//! killed at every point.
 #![cfg(all(unix, feature = "cluster"))]
 
 #[path = "common/places.rs"]
@@ -99,7 +100,8 @@ async fn two_servers_and_two_workers_are_one_service() {
     two.stop();
 }
 
-/// Shapes and their bases come from shared places, go to a process, and the maps come back: the files' bytes are those of a server by itself.
+/// Shapes and their bases come from shared places, go to a process, and the maps come back: the files' bytes are those
+/// of a server by itself.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn maps_of_a_collection_are_the_same_where_records_are_shared() {
     let Some(places) = Places::new() else { return };

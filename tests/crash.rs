@@ -1,5 +1,5 @@
-//! The real server is killed at named points while jobs run, and started again. Whatever happens: no acknowledged job is
-//! lost, no basis is half visible, content verifies, attempts are bounded.
+//! The real server is killed at named points while jobs run, and started again. Whatever happens: no acknowledged job
+//! is lost, no basis is half visible, content verifies, attempts are bounded.
 #![cfg(unix)]
 
 mod process;
@@ -266,8 +266,8 @@ async fn storm_client(url: String, round: usize, client: usize, told: Arc<std::s
     }
 }
 
-/// `STORM=1000 cargo test --release --test crash -- --ignored --nocapture --exact storm_of_kills`: so many kills at random points, 100 unless told
-/// otherwise, with six clients.
+/// `STORM=1000 cargo test --release --test crash -- --ignored --nocapture --exact storm_of_kills`: so many kills at
+/// random points, 100 unless told otherwise, with six clients.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 #[ignore = "takes minutes: the figures of docs/reliability.md"]
 async fn storm_of_kills() {
@@ -327,8 +327,8 @@ fn frozen(server: &Server, folder: &Path) -> HashMap<&'static str, Vec<u8>> {
     files
 }
 
-/// Of two instants of a file the first, with some of the sectors that were written until the second: what a disk may hold that lost power
-/// between them.
+/// Of two instants of a file the first, with some of the sectors that were written until the second: what a disk may
+/// hold that lost power between them.
 fn torn(first: &[u8], second: &[u8], random: &mut chladni_base::SplitMix64) -> (Vec<u8>, usize) {
     let mut bytes = first.to_vec();
     // A log does not shrink while it goes on.
@@ -345,9 +345,10 @@ fn torn(first: &[u8], second: &[u8], random: &mut chladni_base::SplitMix64) -> (
     (bytes, written)
 }
 
-/// `STORM=100 cargo test --release --test crash -- --ignored --nocapture power_cuts`: so many losses of power of a loaded server. Its files are
-/// copied at two instants some milliseconds apart while it stands still; the disk then has the first, and a random half of the sectors written after
-/// it, which were not synced when the first was taken. A file whose log began anew in between is taken as it was at the first.
+/// `STORM=100 cargo test --release --test crash -- --ignored --nocapture power_cuts`: so many losses of power of a
+/// loaded server. Its files are copied at two instants some milliseconds apart while it stands still; the disk then has
+/// the first, and a random half of the sectors written after it, which were not synced when the first was taken. A file
+/// whose log began anew in between is taken as it was at the first.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 #[ignore = "takes minutes: the figures of docs/reliability.md"]
 async fn storm_of_power_cuts() {
@@ -387,7 +388,8 @@ async fn storm_of_power_cuts() {
         let disk = tempfile::tempdir().unwrap();
         for database in ["meta.db", "blobs.db"] {
             let log = if database == "meta.db" { "meta.db-wal" } else { "blobs.db-wal" };
-            // The salts of a log change when it begins anew, which follows a checkpoint: what was written then was ordered by syncs.
+            // The salts of a log change when it begins anew, which follows a checkpoint: what was written then was
+            // ordered by syncs.
             let salts =
                 |files: &HashMap<&str, Vec<u8>>| files.get(log).and_then(|bytes| bytes.get(..32).map(<[u8]>::to_vec));
             let same = first.get(database) == second.get(database) && salts(&first) == salts(&second);
@@ -426,8 +428,8 @@ async fn storm_of_power_cuts() {
     assert!(meshes > cuts && jobs > cuts);
 }
 
-/// `STORM=100 cargo test --release --test crash -- --ignored --nocapture full_disks`, as root: so many times a file takes all room of the server's
-/// disk, while six clients go on, and gives it back.
+/// `STORM=100 cargo test --release --test crash -- --ignored --nocapture full_disks`, as root: so many times a file
+/// takes all room of the server's disk, while six clients go on, and gives it back.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 #[ignore = "mounts a file system and takes minutes: the figures of docs/reliability.md"]
 async fn storm_of_full_disks() {

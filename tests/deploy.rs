@@ -1,4 +1,5 @@
-//! What the files for deployment name is there in the program: settings, flags, addresses, ports and what is mounted. They are not started here.
+//! What the files for deployment name is there in the program: settings, flags, addresses, ports and what is mounted.
+//! They are not started here.
 
 #[path = "process/mod.rs"]
 mod process;

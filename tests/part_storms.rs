@@ -1,5 +1,6 @@
-//! Storms over the parts of approximations: whoever plans, solves a part or joins is killed at random, and at points that have names. Whatever happens:
-//! what was acknowledged is done, to the same digits as undisturbed; a part that is done is not computed again.
+//! Storms over the parts of approximations: whoever plans, solves a part or joins is killed at random, and at points
+//! that have names. Whatever happens: what was acknowledged is done, to the same digits as undisturbed; a part that is
+//! done is not computed again.
 //!
 //! A storm has a few rounds; `CHLADNI_STORMS=1000` has as many as that, and `CHLADNI_SEED=12` has others.
 #![cfg(unix)]
@@ -35,7 +36,8 @@ const LONG: Duration = Duration::from_secs(5);
 /// So many jobs wait or run while there are rounds to come.
 const JOBS_AT_ONCE: usize = 3;
 
-/// A point at which a process dies, when it comes to it for the first time or a later one; or none, in one case of three.
+/// A point at which a process dies, when it comes to it for the first time or a later one; or none, in one case of
+/// three.
 fn fault(dice: &mut Dice) -> Option<String> {
     let points: Vec<FailPoint> =
         FailPoint::ALL.into_iter().chain(FailPoint::OF_DIVISION).filter(|&at| at != FailPoint::AfterEnqueue).collect();
@@ -165,7 +167,8 @@ impl Watch {
         }
     }
 
-    /// Waits until all is done, and gives what each seed came to; and how often a part was seen done while its job was not.
+    /// Waits until all is done, and gives what each seed came to; and how often a part was seen done while its job was
+    /// not.
     async fn end(self: Arc<Self>, looking: tokio::task::JoinHandle<usize>) -> HashMap<usize, Value> {
         let begun = Instant::now();
         let mut told = Instant::now();

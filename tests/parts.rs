@@ -1,5 +1,5 @@
-//! One job in parts, on one machine and on several: its pairs are those of a whole one, and deaths, cancellation and failures leave nothing half
-//! done.
+//! One job in parts, on one machine and on several: its pairs are those of a whole one, and deaths, cancellation and
+//! failures leave nothing half done.
 #![cfg(unix)]
 
 #[cfg(feature = "cluster")]
@@ -125,7 +125,8 @@ async fn an_approximation_in_parts_has_the_values_of_a_whole_one_and_bounds_besi
         list.as_array().unwrap_or_else(|| panic!("{name}: {basis}")).iter().map(|x| x.as_f64().unwrap()).collect()
     };
     let (values, bounds) = (numbers(whole, "eigenvalues"), numbers(whole, "bounds"));
-    // Another seed is other work, and its samples are others: values agree as far as they are exact, and each bound reaches to the other value.
+    // Another seed is other work, and its samples are others: values agree as far as they are exact, and each bound
+    // reaches to the other value.
     for (k, (found, bound)) in numbers(parts, "eigenvalues").iter().zip(numbers(parts, "bounds")).enumerate() {
         let apart = (found - values[k]).abs();
         assert!(
@@ -385,7 +386,8 @@ async fn small_workers_do_together_what_none_has_room_for() {
         assert!(done["parts"]["of"].as_u64() > Some(1), "{done}");
         assert!(done["memory_bytes"].as_u64() <= Some(memory), "{done}");
     }
-    // One whose parts miss the goal waits for nobody while there is nobody, and goes to whoever has room for one piece when there is.
+    // One whose parts miss the goal waits for nobody while there is nobody, and goes to whoever has room for one piece
+    // when there is.
     let missed = server.submit_with(&mesh, approximated(3, json!(4), 5e-4)).await.unwrap();
     assert_eq!(server.finished(&missed).await["problem"]["type"], "/problems/job/job-too-large");
     let large = places.worker(&[]);

@@ -1,4 +1,5 @@
-//! Jobs that harm the process they run in: whatever they do, the server lives, says what became of them, and goes on with other work.
+//! Jobs that harm the process they run in: whatever they do, the server lives, says what became of them, and goes on
+//! with other work.
 #![cfg(target_os = "linux")]
 
 mod process;
@@ -235,7 +236,8 @@ fn poison_is_refused_where_jobs_run_on_threads() {
     assert_eq!(refused.status.code(), Some(2), "{refused:?}");
 }
 
-/// `cargo test --release --test poison -- --ignored --nocapture --exact storm`, with `STORM` jobs, 1,000 unless told otherwise.
+/// `cargo test --release --test poison -- --ignored --nocapture --exact storm`, with `STORM` jobs, 1,000 unless told
+/// otherwise.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 #[ignore = "takes minutes: the figures of docs/reliability.md"]
 async fn storm() {
@@ -288,8 +290,9 @@ async fn check(server: &Server, (job, kind): (String, i32)) {
     assert!(kind == 0 || found == if kind == MEMORY { "memory-exceeded" } else { "quarantined" }, "{job}");
 }
 
-/// `cargo test --release --test poison -- --ignored --nocapture cancels`, with `STORM` jobs, 10,000 unless told otherwise: work around a hub of
-/// 20,000 triangles is cancelled at random moments of its first 200 milliseconds, for five minutes at most.
+/// `cargo test --release --test poison -- --ignored --nocapture cancels`, with `STORM` jobs, 10,000 unless told
+/// otherwise: work around a hub of 20,000 triangles is cancelled at random moments of its first 200 milliseconds, for
+/// five minutes at most.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 #[ignore = "takes minutes: the figures of docs/reliability.md"]
 async fn storm_of_cancels() {
@@ -332,7 +335,8 @@ fn compression() -> Value {
     json!({"pairs": 100, "bits": 12})
 }
 
-/// Milliseconds that synchronous solves of one client take, one after the other for so long, in ascending order; and how many were refused.
+/// Milliseconds that synchronous solves of one client take, one after the other for so long, in ascending order; and
+/// how many were refused.
 async fn solves(url: &str, client: &reqwest::Client, time: Duration) -> (Vec<f64>, usize) {
     let (mut took, mut refused, since) = (Vec::new(), 0, Instant::now());
     while since.elapsed() < time {
@@ -349,8 +353,9 @@ async fn solves(url: &str, client: &reqwest::Client, time: Duration) -> (Vec<f64
     (took, refused)
 }
 
-/// `cargo test --release --test poison -- --ignored --nocapture flood`: synchronous solves of one client while another sends ten times what the
-/// server can do. On loopback, where each address counts as a client. `CHLADNI_FLOOD_ACROSS` is the square root of half the vertices, 100 by default.
+/// `cargo test --release --test poison -- --ignored --nocapture flood`: synchronous solves of one client while another
+/// sends ten times what the server can do. On loopback, where each address counts as a client. `CHLADNI_FLOOD_ACROSS`
+/// is the square root of half the vertices, 100 by default.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 #[ignore = "takes half a minute and the whole machine: the figures of docs/reliability.md"]
 async fn flood() {
@@ -382,7 +387,8 @@ async fn flood() {
     let capacity = done as f64 / begun.elapsed().as_secs_f64();
     let stop = Arc::new(AtomicBool::new(false));
     let sent = Arc::new(AtomicUsize::new(0));
-    // On threads of its own, so that the one client is not kept waiting by its neighbour in this process; what has not been answered is bounded.
+    // On threads of its own, so that the one client is not kept waiting by its neighbour in this process; what has not
+    // been answered is bounded.
     let flood = std::thread::spawn({
         let (url, stop, sent) = (url.clone(), Arc::clone(&stop), Arc::clone(&sent));
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();

@@ -74,7 +74,8 @@ fn the_tutorial_works_as_pasted() {
     assert!(String::from_utf8_lossy(&done.stdout).contains("16) vertices and times"));
 }
 
-/// The members of a mesh and of bases that pages on uses take for granted, each made once: a mesh whose vertices and faces reach as far as theirs.
+/// The members of a mesh and of bases that pages on uses take for granted, each made once: a mesh whose vertices and
+/// faces reach as far as theirs.
 const GIVEN: &str = r#"
 member() { grep -o "\"$1\":\"[^\"]*\"" | head -n 1 | cut -d '"' -f 4; }
 made() { curl -sS --fail-with-body "$url/v1/jobs" --json "$1" | member id | xargs -I{} curl -sS --fail-with-body "$url/v1/jobs/{}?wait=60s" | member basis; }

@@ -1,4 +1,5 @@
-//! What a clumsy operator and a failing disk do to the data folder of a real server: nothing is lost, nothing wrong is served, and it is said.
+//! What a clumsy operator and a failing disk do to the data folder of a real server: nothing is lost, nothing wrong is
+//! served, and it is said.
 #![cfg(unix)]
 
 mod process;
@@ -130,7 +131,8 @@ async fn a_flipped_bit_is_told_and_healed_by_sending_the_same_again() {
     server.stop();
     assert!(chladni(&["doctor", "--data", data]).status.success());
 
-    // A vertex of the torus, as the database has it, and some of the basis. One of the last: of what lies on a leaf of the tree there are old copies.
+    // A vertex of the torus, as the database has it, and some of the basis. One of the last: of what lies on a leaf of
+    // the tree there are old copies.
     let text = process::torus();
     let line = text.lines().nth(2 + 280).unwrap();
     let vertex: Vec<u8> = line.split(' ').flat_map(|x| x.parse::<f64>().unwrap().to_le_bytes()).collect();

@@ -1,8 +1,10 @@
-//! Storms over servers, workers, the database and the object store that they share: kills, stops, crashes and refusals, while clients submit without
-//! pause. Whatever happens: no job that was acknowledged is lost, none is done twice visibly, nothing is half visible, and what was done is not done
-//! again. One job in twelve is divided: its parts are solved by several workers, which die in the middle of them as well.
+//! Storms over servers, workers, the database and the object store that they share: kills, stops, crashes and refusals,
+//! while clients submit without pause. Whatever happens: no job that was acknowledged is lost, none is done twice
+//! visibly, nothing is half visible, and what was done is not done again. One job in twelve is divided: its parts are
+//! solved by several workers, which die in the middle of them as well.
 //!
-//! Each storm has a few rounds, a minute together; `CHLADNI_STORMS=1000` has as many as that, and `CHLADNI_SEED=12` has others.
+//! Each storm has a few rounds, a minute together; `CHLADNI_STORMS=1000` has as many as that, and `CHLADNI_SEED=12` has
+//! others.
 #![cfg(all(unix, feature = "cluster"))]
 
 #[path = "common/places.rs"]
@@ -240,7 +242,8 @@ impl Scene {
         self.workers[place] = self.places.worker(&[WORKER, settings].concat());
     }
 
-    /// One worker, or several one after the other, those that have just begun among them. Dropping a worker or a server kills it.
+    /// One worker, or several one after the other, those that have just begun among them. Dropping a worker or a server
+    /// kills it.
     fn kill_workers(&mut self) {
         for _ in 0..=self.dice.below(2 * WORKERS as u64 - 1) {
             let place = self.any_worker();

@@ -1,5 +1,5 @@
-//! Figures of the queue where records are shared: jobs from their submission to their results by many worker processes. All workers are there before
-//! the first job.
+//! Figures of the queue where records are shared: jobs from their submission to their results by many worker processes.
+//! All workers are there before the first job.
 //!
 //! `CHLADNI_JOBS` jobs (1000) that sleep for `CHLADNI_SLEEP` seconds (0), by `CHLADNI_WORKER_PROCESSES` workers (16).
 #![cfg(all(target_os = "linux", feature = "cluster"))]

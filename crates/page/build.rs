@@ -1,5 +1,5 @@
-//! Builds the web page in `web/` and its viewer where Node and npm are at hand, and embeds a page that says how to get it where they are not: Rust
-//! alone always builds. Everything happens in `OUT_DIR`; nothing is written into the tree.
+//! Builds the web page in `web/` and its viewer where Node and npm are at hand, and embeds a page that says how to get
+//! it where they are not: Rust alone always builds. Everything happens in `OUT_DIR`; nothing is written into the tree.
 //!
 //! `CHLADNI_WEB=off` leaves the page out; with `CHLADNI_WEB=required` a page that cannot be built is an error.
 

@@ -1,5 +1,5 @@
-//! Distances from a point: diffusion for three times, biharmonic, commute-time, geodesic; their errors against exact pairs and known
-//! distances.
+//! Distances from a point: diffusion for three times, biharmonic, commute-time, geodesic; their errors against exact
+//! pairs and known distances.
 
 use std::time::Instant;
 

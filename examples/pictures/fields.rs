@@ -1,4 +1,5 @@
-//! `fields.md`: a designed field, hatchings, fur, curvature before and after smoothing, and grid lines of seamless parametrisations along creases.
+//! `fields.md`: a designed field, hatchings, fur, curvature before and after smoothing, and grid lines of seamless
+//! parametrisations along creases.
 
 use std::path::Path;
 use std::sync::Arc;

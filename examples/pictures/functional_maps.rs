@@ -1,5 +1,5 @@
-//! Functional maps between surfaces that correspond: how far matched points are from where they belong, before and after ZoomOut, and a function
-//! that is carried over.
+//! Functional maps between surfaces that correspond: how far matched points are from where they belong, before and
+//! after ZoomOut, and a function that is carried over.
 
 use std::path::Path;
 

@@ -5,8 +5,8 @@
 //! CHLADNI_MESHES=… cargo run --release --example pictures -- filtering # one page
 //! ```
 //!
-//! They are written to `docs/pictures/`, as SVG or PNG. Pages of real meshes are skipped where `CHLADNI_MESHES` is not set. A page is one module
-//! with a function `draw`; what it measures it prints, and the page quotes.
+//! They are written to `docs/pictures/`, as SVG or PNG. Pages of real meshes are skipped where `CHLADNI_MESHES` is not
+//! set. A page is one module with a function `draw`; what it measures it prints, and the page quotes.
 
 mod compression;
 mod distances;

@@ -1,5 +1,5 @@
-//! One eigenfunction of a family of operators for several parameters (thesis, figure 2.13), how long a spectrum takes, and how far it is from
-//! that of the operator itself.
+//! One eigenfunction of a family of operators for several parameters (thesis, figure 2.13), how long a spectrum takes,
+//! and how far it is from that of the operator itself.
 
 use std::path::Path;
 use std::time::Instant;
@@ -25,7 +25,8 @@ pub fn draw() -> Result<(), Failure> {
     for t in [0.0, 0.1, 0.4, 1.0] {
         let found = spectrum(&basis, Member { extrinsic: t, curvature: 0.0 }, 100)?;
         let modes = basis.lift(&found.coefficients);
-        // The more an operator follows the normals, the more of its eigenfunctions live in one place, which may be behind.
+        // The more an operator follows the normals, the more of its eigenfunctions live in one place, which may be
+        // behind.
         let spread = |mode: usize| {
             let sum = |power: i32| modes.column(mode).iter().map(|x| x.powi(power)).sum::<f64>();
             sum(2).powi(2) / sum(4)

@@ -1,5 +1,5 @@
-//! Shaded meshes as SVG. A mesh is rasterised with a depth buffer, its colours are reduced to bands, and runs of equal pixels become
-//! strokes: a mesh of any size takes some tens of kilobytes.
+//! Shaded meshes as SVG. A mesh is rasterised with a depth buffer, its colours are reduced to bands, and runs of equal
+//! pixels become strokes: a mesh of any size takes some tens of kilobytes.
 
 #![allow(dead_code)]
 
@@ -74,7 +74,8 @@ pub fn sequential(values: &[f64], range: Option<[f64; 2]>) -> Paint {
     )
 }
 
-/// From dark red at zero over orange to white at the largest value, every other band a little darker, so that lines of equal value show.
+/// From dark red at zero over orange to white at the largest value, every other band a little darker, so that lines of
+/// equal value show.
 pub fn isolines(values: &[f64]) -> Paint {
     let most = values.iter().copied().fold(0.0, f64::max);
     let share = |value: f64| if most > 0.0 { value / most } else { 0.0 };
@@ -86,7 +87,8 @@ pub fn isolines(values: &[f64]) -> Paint {
     paint
 }
 
-/// Colours given for each vertex, as a palette of a cube of `levels`³ colours. Bands are not interpolated: use it for fine meshes.
+/// Colours given for each vertex, as a palette of a cube of `levels`³ colours. Bands are not interpolated: use it for
+/// fine meshes.
 pub fn coloured(colours: &[Colour], levels: usize) -> Paint {
     let step = |x: f64| ((x.clamp(0.0, 1.0) * levels as f64) as usize).min(levels - 1);
     let positions = colours.iter().map(|c| ((step(c[0]) * levels + step(c[1])) * levels + step(c[2])) as f64 + 0.5);

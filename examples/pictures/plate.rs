@@ -1,4 +1,5 @@
-//! Pictures of pixels: a surface in colours that are found anew at each place of it, with strokes of ink on top, written as PNG.
+//! Pictures of pixels: a surface in colours that are found anew at each place of it, with strokes of ink on top,
+//! written as PNG.
 
 use chladni_mesh::TriangleMesh;
 use chladni_spectral::field::{Camera, Drawing, png};
@@ -26,7 +27,8 @@ impl Plate {
         Self { width, height, pixels: vec![[1.0; 3]; width * height] }
     }
 
-    /// The surface as a camera sees it: the colour of a face at the weights of its corners, shaded; faces are flat where `flat` says so.
+    /// The surface as a camera sees it: the colour of a face at the weights of its corners, shaded; faces are flat
+    /// where `flat` says so.
     pub fn surface(
         mesh: &TriangleMesh,
         camera: &Camera,

@@ -1,4 +1,5 @@
-//! Heat kernel signatures of a surface, and the points that are similar to one, by few eigenpairs and by many (thesis, figures 4.C.1 and 4.C.2).
+//! Heat kernel signatures of a surface, and the points that are similar to one, by few eigenpairs and by many (thesis,
+//! figures 4.C.1 and 4.C.2).
 
 use chladni_mesh::TriangleMesh;
 use chladni_spectral::analysis::signature::{Signature, nearest_items};

@@ -1,4 +1,5 @@
-//! Vibration modes of a solid and of a shell; how far approximate modes are from exact ones, also in a simulation (thesis, figure 2.14).
+//! Vibration modes of a solid and of a shell; how far approximate modes are from exact ones, also in a simulation
+//! (thesis, figure 2.14).
 
 use std::time::Instant;
 
@@ -110,10 +111,11 @@ fn compare(
     Ok(exact)
 }
 
-/// The mean and the largest of `‖x − x̃‖ / ‖x‖`, positions in the norm of the mass, over 250 frames after a tap that moves the vertex it hits by a
-/// twentieth of the object's size: the thesis' measure. Then the mean of `‖u − ũ‖ / ‖u‖` for displacements, which tells more, and last the same for
-/// what is left of the displacements without the rigid modes, which are exact in both and most of what a free object moves: where both move out of
-/// step that is above 1, while the first cannot exceed what the object moves at all.
+/// The mean and the largest of `‖x − x̃‖ / ‖x‖`, positions in the norm of the mass, over 250 frames after a tap that
+/// moves the vertex it hits by a twentieth of the object's size: the thesis' measure. Then the mean of `‖u − ũ‖ / ‖u‖`
+/// for displacements, which tells more, and last the same for what is left of the displacements without the rigid
+/// modes, which are exact in both and most of what a free object moves: where both move out of step that is above 1,
+/// while the first cannot exceed what the object moves at all.
 fn simulation_error(exact: &ModalBasis, found: &ModalBasis, rest: &[[f64; 3]]) -> Result<[f64; 4], Failure> {
     let period = 1.0 / exact.frequencies()[6];
     let damping = Damping { mass: 0.01 / period, stiffness: 1e-6 * period };

@@ -1,4 +1,5 @@
-//! Request bodies as a server takes them: every operation that has one, in this process, on a mesh, a problem and a basis of each kind.
+//! Request bodies as a server takes them: every operation that has one, in this process, on a mesh, a problem and a
+//! basis of each kind.
 
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
@@ -35,7 +36,8 @@ struct Operation {
     examples: Vec<Value>,
 }
 
-/// What there is on the server. Inputs say `@mesh`, `@pencil` and `@0`, `@1` … for bases, since identifiers differ from run to run.
+/// What there is on the server. Inputs say `@mesh`, `@pencil` and `@0`, `@1` … for bases, since identifiers differ from
+/// run to run.
 struct Names {
     mesh: String,
     pencil: String,
@@ -281,8 +283,9 @@ fn server() -> &'static Server {
     })
 }
 
-/// Sends a request: bytes for the operation, the media type and the basis, a query, a zero, a body. The answer is no fault of the server's, and what
-/// is refused is so in a problem's form. Gives the operation and its status, where a request was made of the bytes.
+/// Sends a request: bytes for the operation, the media type and the basis, a query, a zero, a body. The answer is no
+/// fault of the server's, and what is refused is so in a problem's form. Gives the operation and its status, where a
+/// request was made of the bytes.
 pub fn send_body(bytes: &[u8]) -> Option<(String, StatusCode)> {
     let [operation, media, basis, rest @ ..] = bytes else { return None };
     let end = rest.iter().position(|&byte| byte == 0)?;

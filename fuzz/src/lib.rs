@@ -57,7 +57,8 @@ pub fn parameters(bytes: &[u8]) {
     let shape = chladni_work::StoredShape { basis_bytes: 1 << 20, ..Default::default() };
     let shapes = [shape; 3];
     for kind in KINDS {
-        // As a server reads them: it accepts what the tree is accepted for, unless it holds too much that is no list of numbers.
+        // As a server reads them: it accepts what the tree is accepted for, unless it holds too much that is no list of
+        // numbers.
         if let Ok(packed) = &packed {
             let read = JobParameters::read(kind, packed).ok();
             assert_eq!(read, JobParameters::parse(kind, &value).ok());

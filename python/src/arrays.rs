@@ -1,4 +1,5 @@
-//! Between NumPy's arrays and ours. The package hands over C-contiguous arrays of the right type; what it gets back is not copied.
+//! Between NumPy's arrays and ours. The package hands over C-contiguous arrays of the right type; what it gets back is
+//! not copied.
 
 use std::ffi::CString;
 

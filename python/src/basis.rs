@@ -115,7 +115,8 @@ impl NativeBasis {
             })?;
         } else if let Some((vertices, faces)) = maps {
             let numbering = Numbering::from_maps(arrays::numbers(&vertices)?, arrays::numbers(&faces)?, n);
-            // Maps of a mesh that was divided, or of a surface inside a solid, do not tell all: the numbering is then that of the mesh.
+            // Maps of a mesh that was divided, or of a surface inside a solid, do not tell all: the numbering is then
+            // that of the mesh.
             made.numbering = Arc::new(numbering.unwrap_or_else(|| Numbering::identity(n, faces.len().unwrap_or(0))));
         }
         Ok(made)
@@ -241,7 +242,8 @@ impl NativeBasis {
         arrays::table(py, found)
     }
 
-    /// Distances: a row for each vertex or pair, a column for each source and time. The request is that of the API, as JSON.
+    /// Distances: a row for each vertex or pair, a column for each source and time. The request is that of the API, as
+    /// JSON.
     fn distances<'py>(&self, py: Python<'py>, request: &str, nearest: bool) -> PyResult<Bound<'py, PyArray2<f64>>> {
         self.of_functions()?;
         let mut request: DistanceRequest = parsed("distances", request)?;
@@ -267,7 +269,8 @@ impl NativeBasis {
         arrays::table(py, found)
     }
 
-    /// The gradient by positions, (n, 3), of a loss with these derivatives by eigenvalues and by the first eigenfunctions, (n, c) in Fortran order.
+    /// The gradient by positions, (n, 3), of a loss with these derivatives by eigenvalues and by the first
+    /// eigenfunctions, (n, c) in Fortran order.
     fn loss_gradient<'py>(
         &self,
         py: Python<'py>,

@@ -67,8 +67,9 @@ impl NativeFields {
         self.seconds.clone()
     }
 
-    /// Designs a field: `(numbers, about)`, numbers (f, columns) in f32, a row for each face of the arrays, or of those that the request asks
-    /// for, `about` as JSON with `field_faces` in the latter case. The request is that of the API.
+    /// Designs a field: `(numbers, about)`, numbers (f, columns) in f32, a row for each face of the arrays, or of those
+    /// that the request asks for, `about` as JSON with `field_faces` in the latter case. The request is that of the
+    /// API.
     fn design<'py>(&self, py: Python<'py>, request: &str, form: &str) -> PyResult<Bound<'py, PyTuple>> {
         let mut request: DesignRequest = parsed("design", request)?;
         let form: Form = serde_json::from_value(json!(form))

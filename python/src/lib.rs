@@ -1,8 +1,8 @@
-//! `chladni._native`: what the Python package in `chladni/` stands on. Arrays and JSON go in, arrays and JSON come out; names, defaults and
-//! docstrings are the package's own, and the numerics are those of the library crates.
+//! `chladni._native`: what the Python package in `chladni/` stands on. Arrays and JSON go in, arrays and JSON come out;
+//! names, defaults and docstrings are the package's own, and the numerics are those of the library crates.
 //!
-//! Every call that may take long gives up the interpreter's lock; solves, pencils, fields and distances report their progress, and end soon after
-//! Ctrl-C: see `watch`.
+//! Every call that may take long gives up the interpreter's lock; solves, pencils, fields and distances report their
+//! progress, and end soon after Ctrl-C: see `watch`.
 
 mod arrays;
 mod basis;
@@ -19,7 +19,8 @@ mod watch;
 
 use pyo3::prelude::*;
 
-// Solvers take and give back large pieces of memory, each page of which the system's allocator has the kernel clear again.
+// Solvers take and give back large pieces of memory, each page of which the system's allocator has the kernel clear
+// again.
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 

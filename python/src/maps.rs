@@ -31,7 +31,8 @@ struct Wanted {
 /// `matched`, `points` and `confidences`.
 type Points<'py> = (Option<Bound<'py, PyArray1<i64>>>, Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<f64>>);
 
-/// Finds the map: `(matrix, to_source, to_target, qualities)`, vertices in the numbering of the arrays that the meshes were made of.
+/// Finds the map: `(matrix, to_source, to_target, qualities)`, vertices in the numbering of the arrays that the meshes
+/// were made of.
 #[pyfunction]
 pub fn functional_map<'py>(
     py: Python<'py>,
@@ -137,7 +138,8 @@ pub fn map_collection<'py>(
     (maps, found.cycles.pairs, found.cycles.triples, found.cycles.largest).into_pyobject(py)
 }
 
-/// A map of points as the arrays number them: from vertices of `from` to those of `onto`; −1 and NaN where a vertex was dropped.
+/// A map of points as the arrays number them: from vertices of `from` to those of `onto`; −1 and NaN where a vertex was
+/// dropped.
 fn told<'py>(py: Python<'py>, map: PointMap, onto: &Translation, from: &Translation) -> Points<'py> {
     let points: Vec<f64> = map.points.into_iter().map(|point| f64::from(onto.file_vertex(point))).collect();
     let confidences: Vec<f64> = map.confidences.into_iter().map(f64::from).collect();

@@ -118,7 +118,8 @@ pub struct NativeMesh {
 
 #[pymethods]
 impl NativeMesh {
-    /// Checks a mesh of arrays: positions (n, 3) and triangles (f, 3), C-contiguous. `polygons`: which polygon each triangle is a part of.
+    /// Checks a mesh of arrays: positions (n, 3) and triangles (f, 3), C-contiguous. `polygons`: which polygon each
+    /// triangle is a part of.
     #[staticmethod]
     #[pyo3(signature = (vertices, faces, merge, subdivide, polygons = None))]
     fn from_arrays(
@@ -142,7 +143,8 @@ impl NativeMesh {
         Ok(Self { body: Arc::new(body) })
     }
 
-    /// Checks the mesh of a file that is in memory. Without a format, it is told by the ending of the name, or by the content.
+    /// Checks the mesh of a file that is in memory. Without a format, it is told by the ending of the name, or by the
+    /// content.
     #[staticmethod]
     fn from_bytes(
         py: Python<'_>,
@@ -219,7 +221,8 @@ impl NativeMesh {
         }
     }
 
-    /// Stiffness and mass of an operator, in the numbering of the kept mesh: `((data, indices, indptr), mass, area, unknowns)`.
+    /// Stiffness and mass of an operator, in the numbering of the kept mesh:
+    /// `((data, indices, indptr), mass, area, unknowns)`.
     fn pencil<'py>(&self, py: Python<'py>, parameters: &str) -> PyResult<Bound<'py, PyTuple>> {
         let mut given: Packed = parsed("operator", parameters)?;
         translate_parameters(&mut given, &self.body.translation(false), self.body.size()).map_err(Failure::from)?;
@@ -235,7 +238,8 @@ impl NativeMesh {
         (arrays::csr(py, &problem.stiffness)?, arrays::mass(py, &mass)?, problem.area, unknowns).into_pyobject(py)
     }
 
-    /// Geodesic distances: a row for each vertex, or pair, a column for each source. The request is that of the API, as JSON.
+    /// Geodesic distances: a row for each vertex, or pair, a column for each source. The request is that of the API, as
+    /// JSON.
     fn distances<'py>(&self, py: Python<'py>, request: &str, nearest: bool) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let mut request: DistanceRequest = parsed("distances", request)?;
         let body = Arc::clone(&self.body);

@@ -51,8 +51,8 @@ impl Request {
 /// The arrays of SciPy's CSR matrix: `indptr`, `indices`, `data`.
 type Csr<'py> = (PyReadonlyArray1<'py, u64>, PyReadonlyArray1<'py, u32>, PyReadonlyArray1<'py, f64>);
 
-/// Solves a pencil of `n × n` matrices: `(values, vectors, certificate)`, the last as JSON. Without a mass it is the identity; rows of `fixed` are
-/// zero.
+/// Solves a pencil of `n × n` matrices: `(values, vectors, certificate)`, the last as JSON. Without a mass it is the
+/// identity; rows of `fixed` are zero.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "the package names them")]
 pub fn pencil<'py>(

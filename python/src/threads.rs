@@ -1,7 +1,8 @@
 //! The threads that the work runs on: a pool of the package's own, made when it is first needed.
 //!
-//! A process that was forked, as PyTorch's loaders and `multiprocessing` do on Linux, has a copy of the pool and none of its threads: work given to
-//! it would wait for ever. The pool therefore belongs to the process that made it, and another process makes its own.
+//! A process that was forked, as PyTorch's loaders and `multiprocessing` do on Linux, has a copy of the pool and none
+//! of its threads: work given to it would wait for ever. The pool therefore belongs to the process that made it, and
+//! another process makes its own.
 
 use std::sync::{Arc, Mutex, PoisonError};
 

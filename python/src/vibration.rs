@@ -73,7 +73,8 @@ impl NativeVibration {
         text(&self.modes.metadata)
     }
 
-    /// Displacements (times, 3 n) in f32, a row for each time, of the vertices of the arrays; the request is that of the API.
+    /// Displacements (times, 3 n) in f32, a row for each time, of the vertices of the arrays; the request is that of
+    /// the API.
     fn simulate<'py>(&self, py: Python<'py>, request: &str) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let request = self.request(request)?;
         let to = self.body.translation(false);

@@ -1,8 +1,8 @@
 //! Long work on a thread of its own, while the calling one listens for signals.
 //!
-//! The calling thread gives up the interpreter's lock and waits. Some twenty times a second it takes the lock for as long as Python needs to run what
-//! a signal has asked for, and to be told how far the work is; where that raises, the work is asked to stop at its next checkpoint and the exception
-//! goes on.
+//! The calling thread gives up the interpreter's lock and waits. Some twenty times a second it takes the lock for as
+//! long as Python needs to run what a signal has asked for, and to be told how far the work is; where that raises, the
+//! work is asked to stop at its next checkpoint and the exception goes on.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -49,10 +49,12 @@ impl Monitor for Watch {
     }
 }
 
-/// Runs work on the pool of the package, without the interpreter's lock. `progress` is called with the stage and the fraction of it that is done.
+/// Runs work on the pool of the package, without the interpreter's lock. `progress` is called with the stage and the
+/// fraction of it that is done.
 ///
 /// # Errors
-/// What the work ends with; what a signal or `progress` raised; [`Kind::Solve`] where the work panicked, which would be a mistake of the library.
+/// What the work ends with; what a signal or `progress` raised; [`Kind::Solve`] where the work panicked, which would be
+/// a mistake of the library.
 pub fn run<T: Send>(
     py: Python<'_>,
     progress: Option<&Bound<'_, PyAny>>,

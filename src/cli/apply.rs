@@ -1,4 +1,5 @@
-//! What a stored basis is good for, without a server: distances, filters, designed fields. Requests are those of the API.
+//! What a stored basis is good for, without a server: distances, filters, designed fields. Requests are those of the
+//! API.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -48,8 +49,8 @@ impl Stored {
         npz::check_sums(&bytes).and_then(|()| read(&bytes)).map_err(|error| CliError::mesh(&self.basis, error))
     }
 
-    /// The basis of functions on the vertices of the mesh, and the mesh; where the basis is of the inside of a solid, with its inner vertices too.
-    /// And what the file of the mesh has beside.
+    /// The basis of functions on the vertices of the mesh, and the mesh; where the basis is of the inside of a solid,
+    /// with its inner vertices too. And what the file of the mesh has beside.
     fn functions(&self) -> Result<(Basis, TriangleMesh, Translation, Option<Attributes>), CliError> {
         let (basis, body) = (self.read(npz::read)?, self.input.load_body()?);
         let CheckedMesh { mut mesh, numbering, attributes, .. } = body.surface;
@@ -110,8 +111,8 @@ pub struct FilterArguments {
     #[arg(long, value_name = "JSON")]
     transfer: String,
 
-    /// Write the filtered mesh to this file, .ply, .obj or .glb, with the texture coordinates, normals and names that it had; it has the kept
-    /// vertices, and points without faces in the order in which they are kept
+    /// Write the filtered mesh to this file, .ply, .obj or .glb, with the texture coordinates, normals and names that
+    /// it had; it has the kept vertices, and points without faces in the order in which they are kept
     #[arg(long, short = 'o', value_name = "FILE")]
     output: PathBuf,
 }
@@ -133,8 +134,8 @@ pub struct DesignArguments {
     #[arg(long, value_name = "FORM", default_value = "world", value_parser = form)]
     form: Form,
 
-    /// Write the field, a row for each face, to this file, .npy or .csv; without it the coefficients and energies are printed as JSON. With "faces" in the
-    /// request, the face of each row is printed as JSON
+    /// Write the field, a row for each face, to this file, .npy or .csv; without it the coefficients and energies are
+    /// printed as JSON. With "faces" in the request, the face of each row is printed as JSON
     #[arg(long, short = 'o', value_name = "FILE")]
     output: Option<PathBuf>,
 }

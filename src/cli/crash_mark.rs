@@ -1,5 +1,6 @@
-//! A mark for the next start where the process dies by a fault of its own: a segmentation fault, an abort. One that is killed leaves none, and
-//! that tells a job that crashes its server from one that was merely running when the server was killed.
+//! A mark for the next start where the process dies by a fault of its own: a segmentation fault, an abort. One that is
+//! killed leaves none, and that tells a job that crashes its server from one that was merely running when the server
+//! was killed.
 
 use std::{
     fs::OpenOptions,
@@ -52,7 +53,8 @@ pub fn install(mark: &Path) -> io::Result<()> {
 /// Writes the number of the signal down, puts back what was there before, and lets the signal come again.
 extern "C" fn on_fatal(signal: libc::c_int, info: *mut libc::siginfo_t, _context: *mut libc::c_void) {
     let digits = [b'0' + (signal / 10 % 10) as u8, b'0' + (signal % 10) as u8, b'\n'];
-    // SAFETY: write, sigaction and raise may be called from a handler; the pointers are to locals and to what was set before it was installed.
+    // SAFETY: write, sigaction and raise may be called from a handler; the pointers are to locals and to what was set
+    // before it was installed.
     unsafe {
         let _written = libc::write(FILE.load(Ordering::Relaxed), digits.as_ptr().cast(), digits.len());
         let place = FATAL.iter().position(|&fatal| fatal == signal);

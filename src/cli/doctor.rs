@@ -11,7 +11,8 @@ pub struct DoctorArguments {
     #[command(flatten)]
     data: DataFolder,
 
-    /// Do what can be done: enqueue jobs whose bases are damaged, clear references to nothing, delete damaged content that nothing refers to
+    /// Do what can be done: enqueue jobs whose bases are damaged, clear references to nothing, delete damaged content
+    /// that nothing refers to
     #[arg(long)]
     repair: bool,
 

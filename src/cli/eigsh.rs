@@ -22,11 +22,13 @@ use super::{CliError, StageBars, Table, grouped, number, read_bytes};
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct EigshArguments {
-    /// The matrix S: .npz of scipy.sparse.save_npz (CSR, CSC, COO, DIA, BSR), or Matrix Market; both triangles, or a symmetric .mtx
+    /// The matrix S: .npz of scipy.sparse.save_npz (CSR, CSC, COO, DIA, BSR), or Matrix Market; both triangles, or a
+    /// symmetric .mtx
     #[arg(value_name = "S")]
     stiffness: PathBuf,
 
-    /// The mass M, positive definite: a matrix as S, or its diagonal as .npy or an array .mtx; the identity where it is not given
+    /// The mass M, positive definite: a matrix as S, or its diagonal as .npy or an array .mtx; the identity where it is
+    /// not given
     #[arg(value_name = "M")]
     mass: Option<PathBuf>,
 

@@ -65,7 +65,8 @@ impl CliError {
         Self::Mesh { path: path.to_owned(), reason: reason.to_string() }
     }
 
-    /// What the process answers: 1 the mesh or the work failed; 2 wrong usage; 3 a file, the network or the storage failed.
+    /// What the process answers: 1 the mesh or the work failed; 2 wrong usage; 3 a file, the network or the storage
+    /// failed.
     pub fn exit_code(&self) -> ExitCode {
         ExitCode::from(match self {
             Self::Job(error) if error.kind() == "invalid-parameters" => 2,

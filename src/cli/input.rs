@@ -13,12 +13,13 @@ use std::sync::Arc;
 /// A mesh file and how it is read.
 #[derive(Debug, Clone, clap::Args)]
 pub struct MeshInput {
-    /// Mesh file: OBJ, PLY, OFF, STL, MEDIT, VTK (legacy, .vtp, .vtu), Gmsh MSH, FreeSurfer, glTF, GIFTI, or arrays as NPZ or JSON, as it is or compressed by
-    /// gzip
+    /// Mesh file: OBJ, PLY, OFF, STL, MEDIT, VTK (legacy, .vtp, .vtu), Gmsh MSH, FreeSurfer, glTF, GIFTI, or arrays as
+    /// NPZ or JSON, as it is or compressed by gzip
     #[arg(value_name = "MESH")]
     pub mesh: PathBuf,
 
-    /// Format of the file, where its name does not tell: obj, ply, off, stl, medit, vtk, gmsh, freesurfer, gltf, gifti, npz, json
+    /// Format of the file, where its name does not tell: obj, ply, off, stl, medit, vtk, gmsh, freesurfer, gltf, gifti,
+    /// npz, json
     #[arg(long, value_name = "FORMAT", value_parser = format, help_heading = "Input")]
     pub format: Option<MeshFormat>,
 
@@ -26,12 +27,13 @@ pub struct MeshInput {
     #[arg(long, value_name = "WHEN", value_parser = merge, default_value = "auto", help_heading = "Input")]
     pub merge: Merge,
 
-    /// Which surface is meant where a file has tetrahedra: boundary, where they have no neighbour (closed, and the solid's own), or given, the
-    /// triangles of the file, without an inside
+    /// Which surface is meant where a file has tetrahedra: boundary, where they have no neighbour (closed, and the
+    /// solid's own), or given, the triangles of the file, without an inside
     #[arg(long, value_name = "WHICH", value_parser = surface, default_value = "boundary", help_heading = "Input")]
     pub surface: SurfaceOf,
 
-    /// Divide every face into four before the work begins, so many times: eigenvalues come nearer to those of the surface
+    /// Divide every face into four before the work begins, so many times: eigenvalues come nearer to those of the
+    /// surface
     #[arg(long, value_name = "TIMES", default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=i64::from(MOST_SUBDIVISIONS)), help_heading = "Input")]
     pub subdivide: u8,
 }

@@ -60,8 +60,8 @@ pub struct MapCollectionArguments {
     #[arg(long, value_name = "N", default_value_t = 2000, help_heading = "Method")]
     samples: usize,
 
-    /// Let maps turn surfaces inside out: for faces that are not counter-clockwise all the same way. The sides of a symmetric shape cannot be told
-    /// apart then
+    /// Let maps turn surfaces inside out: for faces that are not counter-clockwise all the same way. The sides of a
+    /// symmetric shape cannot be told apart then
     #[arg(long, help_heading = "Method")]
     no_orientation: bool,
 
@@ -69,7 +69,8 @@ pub struct MapCollectionArguments {
     #[arg(long, help_heading = "Method")]
     no_polish: bool,
 
-    /// Any parameter of the job that computes each eigenbasis, as the API takes it, such as method=approximate; may be given several times
+    /// Any parameter of the job that computes each eigenbasis, as the API takes it, such as method=approximate; may be
+    /// given several times
     #[arg(long = "parameter", short = 'p', value_name = "NAME=VALUE", help_heading = "Method")]
     named: Vec<String>,
 
@@ -221,7 +222,8 @@ impl Drop for Folder<'_> {
     }
 }
 
-/// The maps of an earlier collection that are listed in the `maps.json` which is about to be replaced, and in no list any more then.
+/// The maps of an earlier collection that are listed in the `maps.json` which is about to be replaced, and in no list
+/// any more then.
 fn stale(folder: &Path, told: &[Value]) -> Vec<PathBuf> {
     let files = |maps: &[Value]| -> HashSet<String> {
         let names = maps.iter().flat_map(|map| [&map["points"], &map["confidences"]]);
@@ -236,7 +238,8 @@ fn stale(folder: &Path, told: &[Value]) -> Vec<PathBuf> {
     files(earlier).difference(&files(told)).filter(is_ours).map(|name| folder.join(name)).collect()
 }
 
-/// What shapes are called in the names of files: as their own files without endings, and with their places before where two would be called the same.
+/// What shapes are called in the names of files: as their own files without endings, and with their places before where
+/// two would be called the same.
 fn names(meshes: &[PathBuf]) -> Vec<String> {
     let stem = |path: &PathBuf| {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();

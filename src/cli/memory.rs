@@ -2,8 +2,8 @@
 
 use std::fs::read_to_string;
 
-/// Bytes that can be had without pushing anything else out: what the kernel calls available, and no more than the control group
-/// leaves. `None` where the system does not tell.
+/// Bytes that can be had without pushing anything else out: what the kernel calls available, and no more than the
+/// control group leaves. `None` where the system does not tell.
 pub fn available() -> Option<u64> {
     let machine = read_to_string("/proc/meminfo").ok().and_then(|text| field(&text, "MemAvailable:"));
     let group =

@@ -52,8 +52,8 @@ impl OutputFormat {
         Ok(format)
     }
 
-    /// Writes a product on its mesh. Tables have a row for each vertex as `to` numbers them; all else is on the kept mesh, with both maps where the
-    /// format can hold them.
+    /// Writes a product on its mesh. Tables have a row for each vertex as `to` numbers them; all else is on the kept
+    /// mesh, with both maps where the format can hold them.
     ///
     /// # Errors
     /// [`FormatError`].

@@ -1,5 +1,5 @@
-//! Jobs that harm the process they run in, for tests of what becomes of them. Only a server that was started with the hidden `--fault poison`
-//! has them; they are told by their priority.
+//! Jobs that harm the process they run in, for tests of what becomes of them. Only a server that was started with the
+//! hidden `--fault poison` has them; they are told by their priority.
 
 use crate::queue::{JobFailure, Outcome, Runner, Watch};
 use crate::store::JobRecord;

@@ -20,7 +20,8 @@ pub struct QuadsArguments {
     #[command(flatten)]
     input: MeshInput,
 
-    /// The request of POST /v1/meshes/{id}/quads as JSON, or @FILE; vertices and faces are those of the mesh as it is kept
+    /// The request of POST /v1/meshes/{id}/quads as JSON, or @FILE; vertices and faces are those of the mesh as it is
+    /// kept
     #[arg(long, value_name = "JSON", default_value = "{}")]
     request: String,
 

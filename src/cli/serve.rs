@@ -67,8 +67,8 @@ pub struct Running {
 /// Starts a server on the configured address.
 ///
 /// # Errors
-/// [`CliError::Config`] for settings that contradict each other, [`CliError::Service`] where the address is taken, the data folder
-/// cannot be used, or a server beyond loopback would run without keys.
+/// [`CliError::Config`] for settings that contradict each other, [`CliError::Service`] where the address is taken, the
+/// data folder cannot be used, or a server beyond loopback would run without keys.
 pub async fn start(config: Config) -> Result<Running, CliError> {
     check(&config)?;
     let listener = bind(config.listen).await?;
@@ -163,7 +163,8 @@ fn memory_for_jobs(config: &Config) -> u64 {
     }
 }
 
-/// Opens the store that is configured, with so many connections at most where it is shared, for whoever works alone or for whoever answers as well.
+/// Opens the store that is configured, with so many connections at most where it is shared, for whoever works alone or
+/// for whoever answers as well.
 async fn open_store(
     config: &Config,
     accelerator: &gpu::Accelerator,
@@ -423,7 +424,8 @@ impl Signals {
         Some(self.next().await)
     }
 
-    /// Serves until the first signal to stop, then drains; a second one ends the process without waiting. SIGHUP reads the keys anew.
+    /// Serves until the first signal to stop, then drains; a second one ends the process without waiting. SIGHUP reads
+    /// the keys anew.
     pub(super) async fn stop_on_first(mut self, mut running: Running) -> Result<ExitCode, CliError> {
         loop {
             tokio::select! {

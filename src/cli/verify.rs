@@ -25,12 +25,13 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Judge eigenpairs again, from their mesh or their matrices: residuals, orthonormality, and a count of eigenvalues by another factorisation
+/// Judge eigenpairs again, from their mesh or their matrices: residuals, orthonormality, and a count of eigenvalues by
+/// another factorisation
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct VerifyArguments {
-    /// What was solved, as solve, run, eigsh or a server writes it: an eigenbasis (of fields as well), vibration modes, or pairs of matrices, for
-    /// which MESH is the matrix S
+    /// What was solved, as solve, run, eigsh or a server writes it: an eigenbasis (of fields as well), vibration modes,
+    /// or pairs of matrices, for which MESH is the matrix S
     #[arg(value_name = "BASIS.npz")]
     basis: PathBuf,
 
@@ -45,8 +46,8 @@ pub struct VerifyArguments {
     #[arg(long, value_name = "M", help_heading = "Problem")]
     mass: Option<PathBuf>,
 
-    /// What is held, where the basis does not list it: rows of matrices, or clamped vertices of a vibration, by their numbers from 0; a file of whole
-    /// numbers
+    /// What is held, where the basis does not list it: rows of matrices, or clamped vertices of a vibration, by their
+    /// numbers from 0; a file of whole numbers
     #[arg(long, value_name = "FILE", help_heading = "Problem")]
     fixed: Option<PathBuf>,
 

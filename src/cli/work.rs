@@ -30,7 +30,8 @@ pub struct WorkArguments {
     #[command(flatten)]
     pub numbered: NumberingArguments,
 
-    /// Any parameter of the job by name, as the API takes it, such as radial.distance=dijkstra; may be given several times
+    /// Any parameter of the job by name, as the API takes it, such as radial.distance=dijkstra; may be given several
+    /// times
     #[arg(long = "parameter", short = 'p', value_name = "NAME=VALUE", help_heading = "Method")]
     pub named: Vec<String>,
 
@@ -46,9 +47,9 @@ pub struct WorkArguments {
     #[arg(long, help_heading = "Method")]
     pub ignore_memory: bool,
 
-    /// Write the result to this file: .npz with everything; of an eigenbasis also .mat (MATLAB, Octave), .csv (a row for each vertex), .vtp or .ply
-    /// (the surface with its eigenfunctions, of its kept vertices; points without faces are in the order in which they are kept, along a curve
-    /// through space)
+    /// Write the result to this file: .npz with everything; of an eigenbasis also .mat (MATLAB, Octave), .csv (a row
+    /// for each vertex), .vtp or .ply (the surface with its eigenfunctions, of its kept vertices; points without faces
+    /// are in the order in which they are kept, along a curve through space)
     #[arg(long, short = 'o', value_name = "FILE", help_heading = "Output")]
     pub output: Option<PathBuf>,
 
@@ -157,7 +158,8 @@ impl WorkArguments {
         Ok(Prepared { mesh: body.surface.mesh, solid: body.solid, job, size, numbering, surface })
     }
 
-    /// Refuses work that needs more memory than is free. What this process has already, such as the mesh, is part of what the work takes.
+    /// Refuses work that needs more memory than is free. What this process has already, such as the mesh, is part of
+    /// what the work takes.
     ///
     /// # Errors
     /// [`CliError::Refused`].
@@ -171,7 +173,8 @@ impl WorkArguments {
         }
     }
 
-    /// The same of work that needs at `most` so much; where that is not free, a look at the mesh tells what it needs. Gives the estimate that counts.
+    /// The same of work that needs at `most` so much; where that is not free, a look at the mesh tells what it needs.
+    /// Gives the estimate that counts.
     ///
     /// # Errors
     /// [`CliError::Refused`]; those of the look.

@@ -42,7 +42,8 @@ pub fn worker(arguments: WorkerArguments) -> Result<ExitCode, CliError> {
     let (input, output) = pipes().map_err(failed)?;
     start_logs(&LogSettings { log_format: arguments.log_format, log_level: arguments.log_level })?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(failed)?;
-    // The server says when to stop. What an operator sends to every process of a service must not end the jobs that it gives time to.
+    // The server says when to stop. What an operator sends to every process of a service must not end the jobs that it
+    // gives time to.
     let _ignored = runtime.block_on(async { serve::Signals::install() })?;
     let accelerator = runtime.block_on(serve::accelerator(&arguments.gpu))?;
     let runner: Box<dyn Runner> = match arguments.fault.as_deref() {
@@ -57,7 +58,8 @@ pub fn worker(arguments: WorkerArguments) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The pipes to the server. Whatever else writes to standard output, a driver or a library of C, writes to standard error from now on.
+/// The pipes to the server. Whatever else writes to standard output, a driver or a library of C, writes to standard
+/// error from now on.
 #[cfg(unix)]
 fn pipes() -> io::Result<(File, File)> {
     use std::os::fd::AsFd;

@@ -1,5 +1,5 @@
-//! Who may call which operation. The scope of an operation is the one that its own declaration names (`security(("bearer" = ["read"]))`), read
-//! off the document: what is documented and what is enforced cannot differ.
+//! Who may call which operation. The scope of an operation is the one that its own declaration names
+//! (`security(("bearer" = ["read"]))`), read off the document: what is documented and what is enforced cannot differ.
 
 use std::collections::HashMap;
 use std::sync::Arc;

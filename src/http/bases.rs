@@ -102,8 +102,8 @@ problems!(ShowBasisProblems: [INVALID_QUERY, UNKNOWN_BASIS]);
 
 /// Shows a basis
 ///
-/// With its eigenvalues (1/length² of the mesh) and its certificate: per pair the relative residual ‖Sx − θMx‖ / ‖Sx‖ and a
-/// bound within which an exact eigenvalue lies, and the defect of orthonormality.
+/// With its eigenvalues (1/length² of the mesh) and its certificate: per pair the relative residual ‖Sx − θMx‖ / ‖Sx‖
+/// and a bound within which an exact eigenvalue lies, and the defect of orthonormality.
 #[utoipa::path(
     get, path = "/v1/bases/{id}", tag = "bases", operation_id = "showBasis",
     params(BasisId),
@@ -128,7 +128,8 @@ problems!(DeleteBasisProblems: WRITE [INVALID_QUERY, UNKNOWN_BASIS, BASIS_IN_USE
 
 /// Deletes a basis
 ///
-/// Its content goes with it. An equal job that is submitted later computes it anew. Refused while a job needs it that waits or runs.
+/// Its content goes with it. An equal job that is submitted later computes it anew. Refused while a job needs it that
+/// waits or runs.
 #[utoipa::path(
     delete, path = "/v1/bases/{id}", tag = "bases", operation_id = "deleteBasis",
     params(BasisId),

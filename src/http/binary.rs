@@ -56,7 +56,8 @@ pub fn decode(bytes: &[u8], dtype: Dtype, rows: usize) -> Result<DenseMatrix, Pr
     decode_by(bytes, dtype, rows, |columns, value| matrix(rows, columns, value))
 }
 
-/// Reads raw functions with a value for each vertex as a request numbers them, and brings them to the first `rows` kept ones.
+/// Reads raw functions with a value for each vertex as a request numbers them, and brings them to the first `rows` kept
+/// ones.
 ///
 /// # Errors
 /// `invalid-function`, as [`decode`], and where the values do not fit the numbering.

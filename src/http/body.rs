@@ -47,8 +47,8 @@ impl WholeBody {
         reserve(&mut self.share, (self.bytes.len() as u64).saturating_add(more))
     }
 
-    /// Some bytes of this body, unpacked where they are gzip by their first two: a file that was packed before it was sent, with no word about it in
-    /// the headers.
+    /// Some bytes of this body, unpacked where they are gzip by their first two: a file that was packed before it was
+    /// sent, with no word about it in the headers.
     ///
     /// # Errors
     /// `damaged-encoding`, `body-too-large`, and those of [`reserve`].
@@ -75,8 +75,8 @@ impl WholeBody {
 /// Reads and decompresses a whole body of at most `limit` bytes, counted before and after decompression.
 ///
 /// # Errors
-/// A problem for each way in which this fails: too large, too slow, cut off, unknown or damaged encoding, no memory left for
-/// bodies.
+/// A problem for each way in which this fails: too large, too slow, cut off, unknown or damaged encoding, no memory
+/// left for bodies.
 pub fn read<'a>(
     state: &'a ClientState,
     headers: &'a HeaderMap,

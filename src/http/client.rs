@@ -36,8 +36,8 @@ pub struct ClientState {
     pub(super) place: SolvePlace,
 }
 
-/// A place among the synchronous solves, taken before a request is read: whoever has too many of them waiting is refused before anything is done for
-/// it.
+/// A place among the synchronous solves, taken before a request is read: whoever has too many of them waiting is
+/// refused before anything is done for it.
 #[derive(Debug, Clone, Default)]
 pub struct SolvePlace(Arc<Mutex<Option<Share>>>);
 
@@ -113,7 +113,8 @@ impl Monitor for Attended<'_> {
     }
 }
 
-/// Raises a flag where it is dropped before the work has ended: the connection was closed, and the handler went with it.
+/// Raises a flag where it is dropped before the work has ended: the connection was closed, and the handler went with
+/// it.
 struct Attendance {
     left: Arc<AtomicBool>,
     ended: bool,
@@ -160,8 +161,8 @@ impl ClientState {
         })
     }
 
-    /// Runs the reading and checking of an upload, or the writing of a file, on the pool for these, which has a line of its own: whatever waits in it
-    /// keeps nobody from reading.
+    /// Runs the reading and checking of an upload, or the writing of a file, on the pool for these, which has a line of
+    /// its own: whatever waits in it keeps nobody from reading.
     ///
     /// # Errors
     /// Whatever `work` answers.
@@ -173,8 +174,9 @@ impl ClientState {
         self.state.on_intake_pool(work).await
     }
 
-    /// Runs a synchronous solve on its own small pool, so that neither jobs nor uploads starve it; clients take turns at it. Where the client goes
-    /// away the work is skipped, or cancelled at its next checkpoint; its place is held until it has ended.
+    /// Runs a synchronous solve on its own small pool, so that neither jobs nor uploads starve it; clients take turns
+    /// at it. Where the client goes away the work is skipped, or cancelled at its next checkpoint; its place is held
+    /// until it has ended.
     ///
     /// # Errors
     /// `busy` where too many solves of this client, or of all, are waiting, and whatever `work` answers.

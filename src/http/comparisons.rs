@@ -70,8 +70,9 @@ struct ComparisonRequest {
     bases: Vec<String>,
     /// Names for the picture; without them, those of the meshes.
     labels: Option<Vec<String>>,
-    /// Eigenvalues above the kernel of the operator; without it, 100, or as many as all bases have. The kernel is one zero for each part of the
-    /// mesh that is not held and on which no potential acts: it says nothing of the shape, and is left out.
+    /// Eigenvalues above the kernel of the operator; without it, 100, or as many as all bases have. The kernel is one
+    /// zero for each part of the mesh that is not held and on which no potential acts: it says nothing of the shape,
+    /// and is left out.
     count: Option<usize>,
     /// What makes them comparable.
     #[serde(default)]
@@ -114,7 +115,8 @@ struct ComparisonAnswer {
     count: usize,
     /// Distances between the shapes: a row and a column for each.
     distances: Table,
-    /// Places in the plane or in space, a row for each shape, whose distances are near to those (classical multidimensional scaling).
+    /// Places in the plane or in space, a row for each shape, whose distances are near to those (classical
+    /// multidimensional scaling).
     places: Table,
     /// How much of the variation each dimension of the places holds, of 1.
     held: Vec<f64>,
@@ -137,8 +139,8 @@ impl From<Unlike> for Problem {
     }
 }
 
-/// What makes the eigenvalues of a shape free of its size: the area of a surface, of a solid the square of the edge of a cube with its volume, of a
-/// graph the number of its vertices.
+/// What makes the eigenvalues of a shape free of its size: the area of a surface, of a solid the square of the edge of
+/// a cube with its volume, of a graph the number of its vertices.
 fn measure(parameters: &Value, report: &Value) -> f64 {
     let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
     match parameters["operator"].as_str() {
@@ -163,8 +165,9 @@ problems!(CompareShapesProblems: BODY JSON [INVALID_QUERY, UNKNOWN_BASIS, NOT_AC
 
 /// Compares shapes by their spectra
 ///
-/// Shape-DNA (Reuter et al. 2006): the Euclidean distances between normalised spectra, which depend neither on the pose of a shape nor on how it is
-/// meshed. By `Accept`: JSON; raw numbers, the matrix of distances; or `image/svg+xml`, the places as a picture.
+/// Shape-DNA (Reuter et al. 2006): the Euclidean distances between normalised spectra, which depend neither on the pose
+/// of a shape nor on how it is meshed. By `Accept`: JSON; raw numbers, the matrix of distances; or `image/svg+xml`, the
+/// places as a picture.
 #[utoipa::path(
     post, path = "/v1/shape-comparisons", tag = "analysis", operation_id = "compareShapes",
     params(ComparisonQuery),

@@ -63,9 +63,11 @@ struct CompressionAnswer {
     bytes: usize,
     /// The same in bits for each vertex, all functions together.
     bits_per_vertex: f64,
-    /// Bytes that the functions of the basis take as they are stored: who decompresses must have them, whatever the number of pairs.
+    /// Bytes that the functions of the basis take as they are stored: who decompresses must have them, whatever the
+    /// number of pairs.
     basis_bytes: u64,
-    /// Whether whoever has the faces computes the basis anew, so that it need not be sent: it is of the operator `graph`.
+    /// Whether whoever has the faces computes the basis anew, so that it need not be sent: it is of the operator
+    /// `graph`.
     basis_from_faces: bool,
     /// Bits for each vertex where the basis has to be sent as well, once.
     bits_per_vertex_with_basis: f64,
@@ -97,11 +99,13 @@ problems!(CompressProblems: SOLVE BODY JSON [INVALID_FUNCTION, INVALID_ANALYSIS]
 
 /// Compresses functions
 ///
-/// The coefficients of functions, coordinates above all, in the first modes of the basis, rounded and packed (Karni and Gotsman 2000). Whoever
-/// has the basis puts them together again with `decompress`; `basis_bytes` says what that is, and the rates are told without and with it.
+/// The coefficients of functions, coordinates above all, in the first modes of the basis, rounded and packed (Karni and
+/// Gotsman 2000). Whoever has the basis puts them together again with `decompress`; `basis_bytes` says what that is,
+/// and the rates are told without and with it.
 ///
 /// JSON answers with rate and distortion; `Accept: application/octet-stream` with the bytes, and the distortion in
-/// `Chladni-Relative-Error`. A raw body is the functions, as for `filter`; the rest of the request stands in the query then.
+/// `Chladni-Relative-Error`. A raw body is the functions, as for `filter`; the rest of the request stands in the query
+/// then.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/compress", tag = "analysis", operation_id = "compress",
     params(BasisId, NumberingQuery, CompressionQuery),
@@ -178,8 +182,8 @@ problems!(DecompressProblems: SOLVE BODY [UNSUPPORTED_MEDIA_TYPE, INVALID_STREAM
 
 /// Puts compressed functions together again
 ///
-/// The body is what `compress` gave for the same basis. The answer is the functions, a row for each vertex: raw by default, as JSON, or, of
-/// three functions, as `model/ply`, the mesh with them as its coordinates.
+/// The body is what `compress` gave for the same basis. The answer is the functions, a row for each vertex: raw by
+/// default, as JSON, or, of three functions, as `model/ply`, the mesh with them as its coordinates.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/decompress", tag = "analysis", operation_id = "decompress",
     params(BasisId, NumberingQuery, DecompressionQuery),

@@ -42,8 +42,8 @@ pub fn unless_known(headers: &HeaderMap, tag: ETag, make: impl FnOnce() -> Respo
 
 /// The byte range a request asks for of a representation of `length` bytes; `None` for the whole of it.
 ///
-/// Several ranges are answered with the whole, as RFC 9110 allows, and so is a malformed `Range` or one whose `If-Range`
-/// does not name the current `tag`.
+/// Several ranges are answered with the whole, as RFC 9110 allows, and so is a malformed `Range` or one whose
+/// `If-Range` does not name the current `tag`.
 ///
 /// # Errors
 /// `range-not-satisfiable` where the range begins beyond the end.

@@ -1,4 +1,5 @@
-//! The stream of a connection: writes that give up on a client that reads nothing, reads that wait meanwhile, and a gentle end.
+//! The stream of a connection: writes that give up on a client that reads nothing, reads that wait meanwhile, and a
+//! gentle end.
 
 use std::io;
 use std::pin::Pin;
@@ -9,14 +10,14 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 use tokio::time::{Instant, Sleep, sleep};
 
-/// For how long, and for how many bytes, what a client still sends is read after the last answer. Closing with unread bytes
-/// would reset the connection, and the client might never see why its large body was refused.
+/// For how long, and for how many bytes, what a client still sends is read after the last answer. Closing with unread
+/// bytes would reset the connection, and the client might never see why its large body was refused.
 const LINGER: Duration = Duration::from_secs(2);
 const LINGER_BYTES: usize = 64 << 20;
 
-/// A stream whose writes fail once the other side has taken nothing for a while: a client that never reads would hold its
-/// connection, and what is to be sent, for ever. While a write waits nothing is read: answers to further requests would only pile up.
-/// Its end is gentle: see [`LINGER`].
+/// A stream whose writes fail once the other side has taken nothing for a while: a client that never reads would hold
+/// its connection, and what is to be sent, for ever. While a write waits nothing is read: answers to further requests
+/// would only pile up. Its end is gentle: see [`LINGER`].
 pub struct Unstalled {
     stream: TcpStream,
     patience: Duration,

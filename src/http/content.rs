@@ -156,17 +156,18 @@ problems!(GetBasisContentProblems: [INVALID_QUERY, UNKNOWN_BASIS, NOT_ACCEPTABLE
 
 /// Gets a basis as a file
 ///
-/// The eigenfunctions of a compact basis are the columns of `U φ̄`, with the sparse `U` (n × d, f32) and the dense `φ̄` (d × m, f64);
-/// those of a dense basis are the columns of `functions` (n × m, f32 or f64).
+/// The eigenfunctions of a compact basis are the columns of `U φ̄`, with the sparse `U` (n × d, f32) and the dense `φ̄`
+/// (d × m, f64); those of a dense basis are the columns of `functions` (n × m, f32 or f64).
 ///
-/// As NPZ (the default): the members `format`, `shape`, `data`, `indices`, `indptr` of U in CSR form and `coefficients`, or `functions`,
-/// beside `eigenvalues`, the mass, `residuals`, `bounds`, `certificate` and `metadata`; it opens with `numpy.load` (everything) and
-/// `scipy.sparse.load_npz` (U). As safetensors and as a ZIP archive of MatrixMarket files: the same under the same names (the rows of
-/// safetensors' `functions` are the eigenfunctions). Dense bases are streamed; their MatrixMarket form has no ranges.
+/// As NPZ (the default): the members `format`, `shape`, `data`, `indices`, `indptr` of U in CSR form and
+/// `coefficients`, or `functions`, beside `eigenvalues`, the mass, `residuals`, `bounds`, `certificate` and `metadata`;
+/// it opens with `numpy.load` (everything) and `scipy.sparse.load_npz` (U). As safetensors and as a ZIP archive of
+/// MatrixMarket files: the same under the same names (the rows of safetensors' `functions` are the eigenfunctions).
+/// Dense bases are streamed; their MatrixMarket form has no ranges.
 ///
-/// A field basis comes as NPZ alone: `format`, `shape`, `data`, `indices`, `indptr` of the locally supported columns in BSR form, a block
-/// row for each face, for `scipy.sparse.load_npz`; `dense` columns for harmonic fields; `stiffness` and `mass` of the space in CSR form;
-/// `ritz_values` and `ritz_vectors`; `samples`, `area`, `kind` and `metadata`.
+/// A field basis comes as NPZ alone: `format`, `shape`, `data`, `indices`, `indptr` of the locally supported columns in
+/// BSR form, a block row for each face, for `scipy.sparse.load_npz`; `dense` columns for harmonic fields; `stiffness`
+/// and `mass` of the space in CSR form; `ritz_values` and `ritz_vectors`; `samples`, `area`, `kind` and `metadata`.
 #[utoipa::path(
     get, path = "/v1/bases/{id}/content", tag = "bases", operation_id = "getBasisContent",
     params(
@@ -257,7 +258,8 @@ fn prefers_redirect(headers: &HeaderMap) -> bool {
     preferences.flat_map(|value| value.split(',')).any(|preference| preference.trim().eq_ignore_ascii_case("redirect"))
 }
 
-/// Sends a client to where the content lies, if that is an object store. The tag is the BLAKE3 hash of what it gets there.
+/// Sends a client to where the content lies, if that is an object store. The tag is the BLAKE3 hash of what it gets
+/// there.
 async fn elsewhere(state: &ClientState, record: &BasisRecord, media_type: &str) -> Result<Option<Response>, Problem> {
     let file_name = format!("basis-{}.npz", record.id);
     let Some(address) = state.store.signed_address(&record.content_hash, media_type, &file_name).await? else {

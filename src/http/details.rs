@@ -1,4 +1,5 @@
-//! What a basis tells of itself by its kind, as the OpenAPI document describes it; what is sent is what was stored with the basis.
+//! What a basis tells of itself by its kind, as the OpenAPI document describes it; what is sent is what was stored with
+//! the basis.
 
 use chladni_spectral::basis::{Certificate, FieldCertificate, InertiaCount};
 use chladni_spectral::operator::OperatorReport;
@@ -109,9 +110,11 @@ pub struct HodgeInertia {
 #[derive(ToSchema)]
 #[allow(dead_code)]
 pub struct EigenbasisDetails {
-    /// A note for each dense problem: the graphics card that solved it, or why it did not; absent where no card had to do with it.
+    /// A note for each dense problem: the graphics card that solved it, or why it did not; absent where no card had to
+    /// do with it.
     dense_solver: Vec<String>,
-    /// The graphics card that measured the errors of an approximation, a note for each time, or why it did not; absent where no card had to do with it.
+    /// The graphics card that measured the errors of an approximation, a note for each time, or why it did not; absent
+    /// where no card had to do with it.
     measured_on: Vec<String>,
     /// Where a faster way was given up for a surer one, and why; absent where none was.
     fallbacks: Vec<String>,
@@ -126,7 +129,8 @@ pub struct EigenbasisDetails {
 struct SolvedPart {
     /// Which one, from 1.
     part: u64,
-    /// Its pairs, those that it shares with its neighbours included; 0 where it was given up, and of an approximation, whose parts are of the surface.
+    /// Its pairs, those that it shares with its neighbours included; 0 where it was given up, and of an approximation,
+    /// whose parts are of the surface.
     pairs: u64,
     /// Of an approximation, the vertices on which it measured all pairs; else 0.
     unknowns: Option<u64>,
@@ -269,7 +273,8 @@ pub struct ProvenModes {
 #[derive(ToSchema)]
 #[allow(dead_code)]
 pub struct EstimatedModes {
-    /// Whether none was skipped: only where exact modes stand in for approximate ones, of which some were lacking or too far off.
+    /// Whether none was skipped: only where exact modes stand in for approximate ones, of which some were lacking or
+    /// too far off.
     complete: bool,
     /// Eigenvalues counted below shifts, of approximate modes near the last.
     inertia: Vec<InertiaCount>,

@@ -50,15 +50,18 @@ problems!(DistancesProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_ANALYSIS])
 
 /// Computes distances
 ///
-/// Diffusion, biharmonic, commute-time and geodesic distances, from one or many sources to all vertices or between pairs. A table with a row
-/// for each vertex (or pair) and a column for each source and, within a source, each time; with `nearest`, for each time.
+/// Diffusion, biharmonic, commute-time and geodesic distances, from one or many sources to all vertices or between
+/// pairs. A table with a row for each vertex (or pair) and a column for each source and, within a source, each time;
+/// with `nearest`, for each time.
 ///
-/// Geodesic distances by `heat` and `exact` ones are computed on the mesh of the basis; what they prepare of it is kept for further requests. An
-/// infinite distance is `null` in JSON. `Chladni-Slope-Error` tells how far those by `heat` may be off: by how much their slope, which is one, differs
-/// from one, on average over the surface or along paths to the sources. They are off by about this share of themselves or less, by a quarter of it as a rule.
+/// Geodesic distances by `heat` and `exact` ones are computed on the mesh of the basis; what they prepare of it is kept
+/// for further requests. An infinite distance is `null` in JSON. `Chladni-Slope-Error` tells how far those by `heat`
+/// may be off: by how much their slope, which is one, differs from one, on average over the surface or along paths to
+/// the sources. They are off by about this share of themselves or less, by a quarter of it as a rule.
 ///
-/// JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is little-endian u32, sources or with `pairs=true` the
-/// vertices of pairs, and the rest of the request stands in the query. The answer is of the same kind unless `Accept` says otherwise.
+/// JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is little-endian u32, sources or with
+/// `pairs=true` the vertices of pairs, and the rest of the request stands in the query. The answer is of the same kind
+/// unless `Accept` says otherwise.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/distances", tag = "analysis", operation_id = "distances",
     params(BasisId, NumberingQuery, DistanceQuery),

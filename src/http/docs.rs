@@ -157,8 +157,8 @@ async fn openapi() -> Response {
 
 /// Shows the reference of the API
 ///
-/// A page made from the OpenAPI document: every operation, to be searched and tried. It loads nothing from elsewhere. `/docs/plain` is the same to
-/// read, without a script; the manual is at `/docs/guide/`.
+/// A page made from the OpenAPI document: every operation, to be searched and tried. It loads nothing from elsewhere.
+/// `/docs/plain` is the same to read, without a script; the manual is at `/docs/guide/`.
 #[utoipa::path(get, path = "/docs", tag = "system", operation_id = "docs", security(()),
     responses((status = 200, description = "The page", body = String, content_type = "text/html", example = "<!doctype html>…")))]
 async fn reference(headers: HeaderMap) -> Response {

@@ -1,4 +1,5 @@
-//! The OpenAPI document, made of what the types say of themselves: what derives cannot express is put right here, once for all schemas.
+//! The OpenAPI document, made of what the types say of themselves: what derives cannot express is put right here, once
+//! for all schemas.
 //!
 //! | step | why |
 //! |---|---|

@@ -28,13 +28,14 @@ pub fn routes() -> OpenApiRouter<AppState> {
 struct JobEstimate {
     /// The kind of job.
     kind: &'static str,
-    /// About how many seconds of one core, right to a factor of two on a recent processor; `null` for what nobody has fitted, as pairs by a bound.
-    /// Waiting in the queue comes on top, and more threads shorten it.
+    /// About how many seconds of one core, right to a factor of two on a recent processor; `null` for what nobody has
+    /// fitted, as pairs by a bound. Waiting in the queue comes on top, and more threads shorten it.
     seconds: Option<f64>,
     /// The threads that work on it.
     threads: usize,
-    /// About how much memory it needs, in bytes: an upper estimate for surfaces, and for problems, whose factor was counted. Pairs by a bound count
-    /// as `at_most`. Of an approximation in parts, what it takes to plan and join them, or what one of them takes.
+    /// About how much memory it needs, in bytes: an upper estimate for surfaces, and for problems, whose factor was
+    /// counted. Pairs by a bound count as `at_most`. Of an approximation in parts, what it takes to plan and join them,
+    /// or what one of them takes.
     memory_bytes: u64,
     /// What this server allows for one job, in bytes.
     memory_limit_bytes: u64,

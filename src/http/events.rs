@@ -42,9 +42,9 @@ problems!(WatchJobProblems: [INVALID_QUERY, UNKNOWN_JOB, BUSY]);
 
 /// Streams the changes of a job
 ///
-/// Server-sent events of the type `job`, each with the whole job as data and its revision as id: the present state first (not
-/// repeated where `Last-Event-ID` names it), then every change, until the job has ended. Progress comes at most ten times a
-/// second. A client that reconnects after the end is told by 204 to stop.
+/// Server-sent events of the type `job`, each with the whole job as data and its revision as id: the present state
+/// first (not repeated where `Last-Event-ID` names it), then every change, until the job has ended. Progress comes at
+/// most ten times a second. A client that reconnects after the end is told by 204 to stop.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/events", tag = "jobs", operation_id = "watchJob",
     params(

@@ -56,15 +56,15 @@ pub async fn read<T: DeserializeOwned + Send + 'static>(
     parse(state, body, BYTES_PER_NUMBER).await.map(Sent::Json)
 }
 
-/// The memory that a number of a JSON body takes at most while it is parsed straight into an array: the array doubles as it grows, and the old
-/// one lies beside the new one.
+/// The memory that a number of a JSON body takes at most while it is parsed straight into an array: the array doubles
+/// as it grows, and the old one lies beside the new one.
 pub const BYTES_PER_NUMBER: u64 = 24;
 
 /// Bodies that are parsed at once: what takes longer leaves the event loop to others.
 const PARSED_AT_ONCE: usize = 1 << 14;
 
-/// Parses a JSON body. The memory for it, `bytes_per_number` for each number that it may hold, is the client's to answer for until its request and
-/// the work that it began have ended.
+/// Parses a JSON body. The memory for it, `bytes_per_number` for each number that it may hold, is the client's to
+/// answer for until its request and the work that it began have ended.
 ///
 /// # Errors
 /// `invalid-json`, `invalid-request`, and those of [`body::reserve`].
@@ -109,7 +109,8 @@ pub fn rest<T: DeserializeOwned>(request: Option<&str>) -> Result<T, Problem> {
     })
 }
 
-/// A request that is JSON, or raw numbers which `fill` puts into what the query's `request` tells of the rest; and whether the answer is raw.
+/// A request that is JSON, or raw numbers which `fill` puts into what the query's `request` tells of the rest; and
+/// whether the answer is raw.
 ///
 /// # Errors
 /// Those of [`read`], [`raw_answer`], [`rest`] and `fill`.
@@ -140,7 +141,8 @@ pub fn raw_answer(headers: &HeaderMap, raw_request: bool) -> Result<bool, Proble
     Ok(answer_type(headers, raw_request, &[])? == OCTETS)
 }
 
-/// The media type of the answer: as `Accept` says, else JSON or raw numbers as the request was; `others` may be asked for as well.
+/// The media type of the answer: as `Accept` says, else JSON or raw numbers as the request was; `others` may be asked
+/// for as well.
 ///
 /// # Errors
 /// `not-acceptable`.

@@ -52,7 +52,8 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for QueryOf<T> {
     }
 }
 
-/// What is wrong with a query, in words. Parameters that there are not were refused before it was read ([`super::parameters`]).
+/// What is wrong with a query, in words. Parameters that there are not were refused before it was read
+/// ([`super::parameters`]).
 pub fn invalid_query(said: &str, query: &str) -> Problem {
     let said = said.strip_prefix("Failed to deserialize query string: ").unwrap_or(said);
     // The parameter, and what is wrong with it.
@@ -126,7 +127,8 @@ pub fn require_json(headers: &HeaderMap) -> Result<(), Problem> {
     }
 }
 
-/// Bodies of so many bytes are read once more, to refuse lists where objects are wanted: those of longer ones are numbers.
+/// Bodies of so many bytes are read once more, to refuse lists where objects are wanted: those of longer ones are
+/// numbers.
 const MOST_READ_AGAIN: usize = 1 << 16;
 
 /// Parses JSON. Nesting is limited to 128 levels.

@@ -61,7 +61,8 @@ struct SpectrumRequest {
     #[serde(default)]
     #[schema(inline)]
     give: SpectrumDetail,
-    /// With `modes` or `coefficients`: this pair alone, counted from 0, in one column. What shows one function needs no others.
+    /// With `modes` or `coefficients`: this pair alone, counted from 0, in one column. What shows one function needs no
+    /// others.
     mode: Option<usize>,
 }
 
@@ -74,8 +75,8 @@ const COUNT: usize = 100;
 struct SpectrumAnswer {
     /// Ascending, in 1/length² of the mesh.
     eigenvalues: Vec<f64>,
-    /// How many of them, from the lowest, the space of the family was made for; those beyond can be many times too large. None where `curvature` is
-    /// above 20, all where the space has every function of the mesh.
+    /// How many of them, from the lowest, the space of the family was made for; those beyond can be many times too
+    /// large. None where `curvature` is above 20, all where the space has every function of the mesh.
     covered: usize,
     /// A row for each function of the space, where they were asked for.
     coefficients: Option<Table>,
@@ -87,12 +88,12 @@ problems!(FamilySpectrumProblems: SOLVE BODY JSON [INVALID_SPECTRUM]);
 
 /// Computes the spectrum of an operator of a family
 ///
-/// The lowest pairs of `(1 − t) S + t A + v V` in the space of a basis of the kind `operator_family` (thesis, section 2.6): `S` is the
-/// Laplacian, `A` also follows how the normal turns, `V` is the curvature potential. Meant to be asked again and again while somebody
-/// moves a slider: 100 pairs in a space of 780 functions take some tens of milliseconds.
+/// The lowest pairs of `(1 − t) S + t A + v V` in the space of a basis of the kind `operator_family` (thesis, section
+/// 2.6): `S` is the Laplacian, `A` also follows how the normal turns, `V` is the curvature potential. Meant to be asked
+/// again and again while somebody moves a slider: 100 pairs in a space of 780 functions take some tens of milliseconds.
 ///
-/// With `Accept: application/octet-stream` the answer is what `give` names, as raw little-endian f32, row after row, and the eigenvalues
-/// stand in `Chladni-Eigenvalues`; `Chladni-Covered` is `covered`.
+/// With `Accept: application/octet-stream` the answer is what `give` names, as raw little-endian f32, row after row,
+/// and the eigenvalues stand in `Chladni-Eigenvalues`; `Chladni-Covered` is `covered`.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/spectrum", tag = "bases", operation_id = "familySpectrum",
     params(BasisId, NumberingQuery),

@@ -65,12 +65,13 @@ struct SubmitQuery {
 
 /// Submits a job
 ///
-/// Vertices and faces that parameters name, and functions among them, are those of the uploaded file, unless `numbering=kept`; the job shows them as
-/// the mesh numbers them.
+/// Vertices and faces that parameters name, and functions among them, are those of the uploaded file, unless
+/// `numbering=kept`; the job shows them as the mesh numbers them.
 ///
-/// The same mesh, kind and parameters are worked on once: where an equal job waits, runs or is done, that job is the answer.
-/// With an `Idempotency-Key` a request that is sent twice makes one job, whatever happened to the first answer.
-/// With `wait` the answer comes when the job has ended or the time is over, whichever is first, as from `GET /v1/jobs/{id}`.
+/// The same mesh, kind and parameters are worked on once: where an equal job waits, runs or is done, that job is the
+/// answer. With an `Idempotency-Key` a request that is sent twice makes one job, whatever happened to the first answer.
+/// With `wait` the answer comes when the job has ended or the time is over, whichever is first, as from
+/// `GET /v1/jobs/{id}`.
 #[utoipa::path(
     post, path = "/v1/jobs", tag = "jobs", operation_id = "submitJob",
     params(NumberingQuery, SubmitQuery, ("Idempotency-Key" = Option<String>, Header, description = "1 to 200 visible ASCII characters that stand for this request", example = "8f14e45f")),
@@ -179,7 +180,8 @@ impl Planned {
     }
 }
 
-/// Bytes of memory that one job of a kind may need: what the server allows, and no more than the largest worker has that takes such jobs.
+/// Bytes of memory that one job of a kind may need: what the server allows, and no more than the largest worker has
+/// that takes such jobs.
 pub(super) async fn most_bytes(state: &ClientState, kind: &str, needed: u64) -> Result<u64, Problem> {
     let allowed = state.config.limits.max_job_bytes;
     Ok(state.store.most_memory_for(kind, needed).await?.map_or(allowed, |most| most.min(allowed)))
@@ -396,8 +398,8 @@ async fn list(state: ClientState, QueryOf(query): QueryOf<ListQuery>) -> Result<
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 struct ShowQuery {
-    /// Answer only when the job has ended, or after this time (`20s`, `1500ms`; at most a minute). With `If-None-Match`: when
-    /// it has changed.
+    /// Answer only when the job has ended, or after this time (`20s`, `1500ms`; at most a minute). With
+    /// `If-None-Match`: when it has changed.
     #[param(example = "20s")]
     wait: Option<String>,
 }
@@ -478,7 +480,8 @@ problems!(CancelJobProblems: WRITE [INVALID_QUERY, UNKNOWN_JOB, STATE_CONFLICT])
 
 /// Cancels a job
 ///
-/// A waiting job is canceled at once; a running one is asked to stop and does within a second. Cancelling twice is no error.
+/// A waiting job is canceled at once; a running one is asked to stop and does within a second. Cancelling twice is no
+/// error.
 #[utoipa::path(
     post, path = "/v1/jobs/{id}/cancel", tag = "jobs", operation_id = "cancelJob",
     params(JobId),
@@ -532,7 +535,8 @@ problems!(DeleteJobProblems: WRITE [INVALID_QUERY, UNKNOWN_JOB, STATE_CONFLICT, 
 
 /// Deletes a job
 ///
-/// One that has ended: cancel it first where it waits or runs. Refused while its basis is stored, unless `cascade=true`.
+/// One that has ended: cancel it first where it waits or runs. Refused while its basis is stored, unless
+/// `cascade=true`.
 #[utoipa::path(
     delete, path = "/v1/jobs/{id}", tag = "jobs", operation_id = "deleteJob",
     params(JobId, DeleteQuery),

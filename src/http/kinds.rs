@@ -1,4 +1,5 @@
-//! Jobs and bases by kind, in the OpenAPI document: `oneOf` with `kind` as the discriminator, each with parameters and details of its own.
+//! Jobs and bases by kind, in the OpenAPI document: `oneOf` with `kind` as the discriminator, each with parameters and
+//! details of its own.
 
 use chladni_spectral::basis::{EIGENBASIS_PART, MAP_COLLECTION, PENCIL};
 use chladni_work::LONGEST_LIST;
@@ -103,7 +104,8 @@ impl Kind {
         let mesh = json!({ "type": "string", "description": text("mesh") });
         match self.named() {
             "pencil" => json!({
-                // Always null, and yet not of the type `null` alone: openapi-fetch takes members that are never anything else out of its answers.
+                // Always null, and yet not of the type `null` alone: openapi-fetch takes members that are never
+                // anything else out of its answers.
                 "mesh": { "type": ["string", "null"], "description": text("mesh") },
                 "pencil": { "type": "string", "description": text("pencil") },
             }),
@@ -222,8 +224,8 @@ fn common(document: &mut Value, name: &str, mut whole: Value, without: &[&str]) 
     schemas(document).insert(name.to_owned(), whole);
 }
 
-/// Parameters as answers show them: a long list is told by its length and its hash. What holds no list is shown as it is sent.
-/// Gives the names of the schemas that have a second form.
+/// Parameters as answers show them: a long list is told by its length and its hash. What holds no list is shown as it
+/// is sent. Gives the names of the schemas that have a second form.
 fn show_parameters(document: &mut Value) -> Vec<String> {
     let all = schemas(document).clone();
     let holds_lists = |name: &str| {

@@ -45,13 +45,15 @@ struct MapCollectionRequest {
     bases: Vec<String>,
     /// The size of the first maps; 30 by default.
     start: Option<usize>,
-    /// The size of the refined maps; 100 by default, or as many as all bases have. Shapes times pairs are at most 4,096.
+    /// The size of the refined maps; 100 by default, or as many as all bases have. Shapes times pairs are at most
+    /// 4,096.
     pairs: Option<usize>,
     /// By how much they grow at once; 5 by default.
     step: Option<usize>,
     /// Vertices of each surface that stand for it meanwhile; 2000 by default.
     samples: Option<usize>,
-    /// Whether maps keep the orientation that the faces of the meshes give. Without it nothing tells the sides of a symmetric shape apart.
+    /// Whether maps keep the orientation that the faces of the meshes give. Without it nothing tells the sides of a
+    /// symmetric shape apart.
     #[serde(default = "yes")]
     #[schema(default = true)]
     oriented: bool,
@@ -76,7 +78,8 @@ pub(super) struct One {
     source: usize,
     /// The place of the shape where they go to.
     target: usize,
-    /// For each vertex of the target the vertex of the source that corresponds to it; null at vertices of the target's file that were dropped.
+    /// For each vertex of the target the vertex of the source that corresponds to it; null at vertices of the target's
+    /// file that were dropped.
     points: Vec<Option<u32>>,
     /// For each of them how well the two agree in the latent space, from 0 to 1; null where `points` is.
     confidences: Vec<Option<f32>>,
@@ -100,7 +103,8 @@ impl One {
     }
 }
 
-/// How consistent the maps are: straight distances over the root of the area between a vertex and where a walk from shape to shape leads it back to.
+/// How consistent the maps are: straight distances over the root of the area between a vertex and where a walk from
+/// shape to shape leads it back to.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = CycleErrors)]
 pub(super) struct Cycles {
@@ -139,11 +143,12 @@ problems!(MapCollectionProblems: SOLVE BODY JSON [UNKNOWN_BASIS, BASIS_KIND, NOT
 
 /// Maps all shapes of a collection to each other
 ///
-/// Without landmarks: first maps follow from wave kernel signatures and the orientation of the surfaces, are refined by ZoomOut (Melzi et al. 2019),
-/// and made consistent by a latent basis that all shapes have in common (Huang et al. 2020), so that pairs that fail by themselves follow those that
-/// agree. Each basis has to be of another surface, and all of one operator and one condition at the boundary. The answer has a map of points for each
-/// ordered pair. Shapes are taken to be nearly isometric: poses of one animal, say. For more than a few shapes there is the job `map_collection`,
-/// which does the same in the queue and keeps what it finds.
+/// Without landmarks: first maps follow from wave kernel signatures and the orientation of the surfaces, are refined by
+/// ZoomOut (Melzi et al. 2019), and made consistent by a latent basis that all shapes have in common (Huang et al.
+/// 2020), so that pairs that fail by themselves follow those that agree. Each basis has to be of another surface, and
+/// all of one operator and one condition at the boundary. The answer has a map of points for each ordered pair. Shapes
+/// are taken to be nearly isometric: poses of one animal, say. For more than a few shapes there is the job
+/// `map_collection`, which does the same in the queue and keeps what it finds.
 #[utoipa::path(
     post, path = "/v1/map-collections", tag = "analysis", operation_id = "mapCollection",
     params(NumberingQuery),

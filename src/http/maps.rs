@@ -46,7 +46,8 @@ struct Descriptors {
 #[derive(Debug, Clone, Copy, Default, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 enum CarryBy {
-    /// Each vertex of the target gets the value of the vertex that it is matched with: for colours, labels, texture coordinates.
+    /// Each vertex of the target gets the value of the vertex that it is matched with: for colours, labels, texture
+    /// coordinates.
     #[default]
     Points,
     /// By the matrix: smooth, and limited to what the modes hold.
@@ -82,7 +83,8 @@ struct FunctionalMapRequest {
     landmarks: Vec<[u32; 2]>,
     /// Functions that are known on both.
     descriptors: Option<Descriptors>,
-    /// Whether heat kernel signatures are used as such functions. They cannot tell the sides of a symmetric shape apart.
+    /// Whether heat kernel signatures are used as such functions. They cannot tell the sides of a symmetric shape
+    /// apart.
     #[serde(default)]
     signatures: bool,
     /// The size of the first map; 20 by default.
@@ -110,7 +112,8 @@ struct FunctionalMapRequest {
 pub(super) struct Inverse {
     /// The vertices of the source that were matched; null: all of them, in order.
     pub matched: Option<Vec<u32>>,
-    /// For each of them the vertex of the target that corresponds to it; null at vertices of the source's file that were dropped.
+    /// For each of them the vertex of the target that corresponds to it; null at vertices of the source's file that
+    /// were dropped.
     pub points: Vec<Option<u32>>,
     /// For each of them how well the two agree, from 0 to 1; null where `points` is.
     pub confidences: Vec<Option<f32>>,
@@ -124,15 +127,16 @@ pub(super) struct Inverse {
     "orthogonality_defect": 0.2, "commutativity_defect": 0.05, "embedding_error": 0.1, "coverage": 0.8
 }))]
 struct FunctionalMapAnswer {
-    /// C, k × k: takes coefficients on the source to coefficients on the target, both surfaces scaled to unit area. Coefficients in the bases as they
-    /// are stored are taken over by √(area of the target / area of the source) C.
+    /// C, k × k: takes coefficients on the source to coefficients on the target, both surfaces scaled to unit area.
+    /// Coefficients in the bases as they are stored are taken over by √(area of the target / area of the source) C.
     matrix: Table,
     /// The vertices of the target that were matched; null: all of them, in order.
     matched: Option<Vec<u32>>,
-    /// For each of them the vertex of the source that corresponds to it; null at vertices of the target's file that were dropped.
+    /// For each of them the vertex of the source that corresponds to it; null at vertices of the target's file that
+    /// were dropped.
     points: Vec<Option<u32>>,
-    /// For each of them how well its embedding x agrees with the image y of the vertex that corresponds to it: 1 − ‖x − y‖² / (‖x‖² + ‖y‖²), from 0
-    /// to 1; null where `points` is.
+    /// For each of them how well its embedding x agrees with the image y of the vertex that corresponds to it: 1 − ‖x −
+    /// y‖² / (‖x‖² + ‖y‖²), from 0 to 1; null where `points` is.
     confidences: Vec<Option<f32>>,
     /// The other way, where both were asked for.
     inverse: Option<Inverse>,
@@ -171,14 +175,16 @@ problems!(FunctionalMapProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_FUNCTI
 
 /// Maps functions between two surfaces
 ///
-/// A functional map (Ovsjanikov et al. 2012) from landmarks, descriptors or signatures, refined by ZoomOut (Melzi et al. 2019), with the
-/// correspondence of points that it makes: for vertices of the target, vertices of the source, and with `both_ways` the other way. With `carry`
-/// functions on the source are carried over, colours and texture coordinates among them. Both bases have to be of one operator and one condition at
-/// the boundary. Sizes decide how long it takes: a hundred pairs and two thousand samples are a matter of a second, matching all points of large
+/// A functional map (Ovsjanikov et al. 2012) from landmarks, descriptors or signatures, refined by ZoomOut (Melzi et
+/// al. 2019), with the correspondence of points that it makes: for vertices of the target, vertices of the source, and
+/// with `both_ways` the other way. With `carry` functions on the source are carried over, colours and texture
+/// coordinates among them. Both bases have to be of one operator and one condition at the boundary. Sizes decide how
+/// long it takes: a hundred pairs and two thousand samples are a matter of a second, matching all points of large
 /// meshes one of many.
 ///
-/// JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is pairs of little-endian u32, the landmarks, and the rest of the
-/// request stands in the query. A raw answer is the matrix, row after row, or with `points=true` the points (4294967295 where a vertex has none).
+/// JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is pairs of little-endian u32, the
+/// landmarks, and the rest of the request stands in the query. A raw answer is the matrix, row after row, or with
+/// `points=true` the points (4294967295 where a vertex has none).
 #[utoipa::path(
     post, path = "/v1/functional-maps", tag = "analysis", operation_id = "functionalMap",
     params(NumberingQuery, MapQuery),

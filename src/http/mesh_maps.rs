@@ -69,8 +69,8 @@ struct MapAnswer {
     kept: usize,
     /// Whether both numberings are the same.
     identical: bool,
-    /// Whether the numbering of the file is known. It is not of a mesh that was stored, and renumbered, before maps were kept: its own numbering
-    /// stands for it then; upload the file again to have its map.
+    /// Whether the numbering of the file is known. It is not of a mesh that was stored, and renumbered, before maps
+    /// were kept: its own numbering stands for it then; upload the file again to have its map.
     known: bool,
     /// For each the number on the other side, or null where it has none. Several on the other side: the first.
     map: Vec<Option<u32>>,
@@ -80,8 +80,8 @@ problems!(GetVertexMapProblems: [INVALID_QUERY, UNKNOWN_MESH, NOT_ACCEPTABLE, DA
 
 /// Gets the map of vertices
 ///
-/// For each vertex of the uploaded file the vertex of the mesh that it became, in JSON null and in NPY (int32) −1 where it was dropped; with
-/// `of=kept`, for each vertex of the mesh the first of the file.
+/// For each vertex of the uploaded file the vertex of the mesh that it became, in JSON null and in NPY (int32) −1 where
+/// it was dropped; with `of=kept`, for each vertex of the mesh the first of the file.
 #[utoipa::path(
     get, path = "/v1/meshes/{id}/vertex-map", tag = "meshes", operation_id = "getVertexMap",
     params(MeshId, MapQuery),
@@ -116,9 +116,9 @@ problems!(GetFaceMapProblems: [INVALID_QUERY, UNKNOWN_MESH, NOT_ACCEPTABLE, DAMA
 
 /// Gets the map of faces
 ///
-/// For each face of the mesh the face of the uploaded file that it is or is a part of, in NPY as int32; with `of=file`, for each face of the file the
-/// first of the mesh, in JSON null and in NPY −1 where it was dropped. A polygon is one face of the file. The boundary of a solid has no faces in the
-/// file, and its own numbers stand for them.
+/// For each face of the mesh the face of the uploaded file that it is or is a part of, in NPY as int32; with `of=file`,
+/// for each face of the file the first of the mesh, in JSON null and in NPY −1 where it was dropped. A polygon is one
+/// face of the file. The boundary of a solid has no faces in the file, and its own numbers stand for them.
 #[utoipa::path(
     get, path = "/v1/meshes/{id}/face-map", tag = "meshes", operation_id = "getFaceMap",
     params(MeshId, MapQuery),

@@ -53,19 +53,21 @@ pub fn routes() -> OpenApiRouter<AppState> {
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 struct UploadQuery {
-    /// The format: `obj`, `ply`, `off`, `stl`, `medit`, `vtk`, `gmsh`, `freesurfer`, `gltf`, `gifti`, `npz` or `json`. Takes the place of
-    /// `Content-Type`.
+    /// The format: `obj`, `ply`, `off`, `stl`, `medit`, `vtk`, `gmsh`, `freesurfer`, `gltf`, `gifti`, `npz` or `json`.
+    /// Takes the place of `Content-Type`.
     #[param(example = "ply")]
     format: Option<String>,
-    /// Whether vertices at exactly equal positions become one: `auto` (where the format repeats positions by design, as STL
-    /// does), `always` or `never`.
+    /// Whether vertices at exactly equal positions become one: `auto` (where the format repeats positions by design, as
+    /// STL does), `always` or `never`.
     #[param(inline, example = "auto")]
     merge: Option<Merge>,
-    /// Which surface is meant where a file has triangles and tetrahedra: `boundary`, where its tetrahedra have no neighbour (that is closed, and the
-    /// solid's own), or `given`, its triangles, without an inside. By what the two differ is told among the defects.
+    /// Which surface is meant where a file has triangles and tetrahedra: `boundary`, where its tetrahedra have no
+    /// neighbour (that is closed, and the solid's own), or `given`, its triangles, without an inside. By what the two
+    /// differ is told among the defects.
     #[param(inline, example = "boundary")]
     surface: Option<SurfaceOf>,
-    /// How often every face is divided into four before the mesh is stored, 0 to 6. Eigenvalues of the finer mesh are nearer to those of the surface.
+    /// How often every face is divided into four before the mesh is stored, 0 to 6. Eigenvalues of the finer mesh are
+    /// nearer to those of the surface.
     #[param(minimum = 0, maximum = 6, example = 0)]
     subdivide: Option<u8>,
     /// A name for people, at most 200 characters.
@@ -117,32 +119,35 @@ problems!(UploadMeshProblems: BODY WRITE [INVALID_QUERY, INVALID_MULTIPART, UNKN
 
 /// Uploads a mesh
 ///
-/// The body is the file itself, or `multipart/form-data` with the file in a part named `mesh` (and, optionally, parts `format`,
-/// `merge`, `surface`, `subdivide` and `name`). The format comes from `format`, from `Content-Type` or the file name, or, for general types such as
-/// `application/octet-stream`, from the first bytes. `Content-Encoding` may be gzip or zstd; a file that is gzip itself is
-/// unpacked as well.
+/// The body is the file itself, or `multipart/form-data` with the file in a part named `mesh` (and, optionally, parts
+/// `format`, `merge`, `surface`, `subdivide` and `name`). The format comes from `format`, from `Content-Type` or the
+/// file name, or, for general types such as `application/octet-stream`, from the first bytes. `Content-Encoding` may be
+/// gzip or zstd; a file that is gzip itself is unpacked as well.
 ///
 /// Arrays come as NPZ (`numpy.savez`: `vertices`, n × 3; `faces`, f × k; `tetrahedra`, t × 4) or JSON
 /// (`{"vertices": [[x, y, z], …], "faces": [[0, 1, 2], …]}`), vertices counted from 0.
 ///
-/// A file with tetrahedra is a solid: the mesh is then the surface of its tetrahedra, unless `surface=given`, the report has the member `solid`, and
-/// the vertices of the surface are the first of the solid, both in the order of the file.
+/// A file with tetrahedra is a solid: the mesh is then the surface of its tetrahedra, unless `surface=given`, the
+/// report has the member `solid`, and the vertices of the surface are the first of the solid, both in the order of the
+/// file.
 ///
-/// A file without faces has points: bases are then computed from triangles around each of them, the report has `points: true`, and what needs a
-/// surface with faces is refused. Points at equal positions become one, unless `merge=never`, and points at which no triangle can be made are left
-/// out. The points are kept in the order of a curve through space: meshes that are answered (the content of the mesh, PLY of filtered functions and
-/// of modes) have them in this order, and `GET /v1/meshes/{id}/vertex-map` tells which they are.
+/// A file without faces has points: bases are then computed from triangles around each of them, the report has
+/// `points: true`, and what needs a surface with faces is refused. Points at equal positions become one, unless
+/// `merge=never`, and points at which no triangle can be made are left out. The points are kept in the order of a curve
+/// through space: meshes that are answered (the content of the mesh, PLY of filtered functions and of modes) have them
+/// in this order, and `GET /v1/meshes/{id}/vertex-map` tells which they are.
 ///
-/// Where repairs renumber vertices or faces, the report has the member `file`, and all other routes take and give the numbering of the file unless
-/// they are asked for `numbering=kept`; so two files with the same surface and other numbers are two meshes.
+/// Where repairs renumber vertices or faces, the report has the member `file`, and all other routes take and give the
+/// numbering of the file unless they are asked for `numbering=kept`; so two files with the same surface and other
+/// numbers are two meshes.
 ///
-/// Texture coordinates, normals and the names of groups, objects and materials of an OBJ are kept, each corner's own, so that seams split no vertex;
-/// the report counts them in its member `attributes`, and whatever surface goes out has them. They are part of the mesh: with others it is another
-/// one.
+/// Texture coordinates, normals and the names of groups, objects and materials of an OBJ are kept, each corner's own,
+/// so that seams split no vertex; the report counts them in its member `attributes`, and whatever surface goes out has
+/// them. They are part of the mesh: with others it is another one.
 ///
-/// The mesh is checked; repairs that lose nothing are done and listed in the report. The same content has the same id: sending
-/// it again answers 200 with what is stored, under the name that it has. The report of this answer is always that of the file that was sent; that of
-/// the first file with this mesh is the one that is kept.
+/// The mesh is checked; repairs that lose nothing are done and listed in the report. The same content has the same id:
+/// sending it again answers 200 with what is stored, under the name that it has. The report of this answer is always
+/// that of the file that was sent; that of the first file with this mesh is the one that is kept.
 #[utoipa::path(
     post, path = "/v1/meshes", tag = "meshes", operation_id = "uploadMesh", params(UploadQuery),
     request_body(description = "The mesh", content(
@@ -216,7 +221,8 @@ async fn upload(
             if subdivisions > 0 {
                 body::reserve(&mut memory, made)?;
             } else if has_points_alone(&raw) {
-                // However many they are, a client may send them; beyond its part they are checked one upload after the other.
+                // However many they are, a client may send them; beyond its part they are checked one upload after the
+                // other.
                 body::reserve(&mut memory, (POINT_BYTES * raw.positions.len() as u64).min(most_bytes))?;
             }
             let body = check_body(raw, &options)?;
@@ -242,7 +248,8 @@ async fn upload(
     Ok(named::stored(stored.created, &address, tag, MeshResource::from(record)))
 }
 
-/// About the bytes of positions, faces and what goes with them when every face has been divided into four so many times.
+/// About the bytes of positions, faces and what goes with them when every face has been divided into four so many
+/// times.
 fn subdivided_bytes(raw: &RawMesh, times: u8) -> u64 {
     let attributes = raw.attributes.as_ref().map_or(0, |own| own.attributes.bytes());
     let once = 24 * raw.positions.len() as u64 + 12 * raw.faces.len() as u64 + attributes;
@@ -391,9 +398,10 @@ problems!(GetMeshContentProblems: [INVALID_QUERY, UNKNOWN_MESH, NOT_ACCEPTABLE, 
 /// Gets the content of a mesh
 ///
 /// By `Accept` or `format`: PLY (the default; binary, little-endian), OBJ, binary glTF, or buffers for web clients
-/// (`application/vnd.chladni.mesh`): all little-endian and aligned to four bytes, the number of vertices n and of faces f as u32,
-/// then 3n positions as f32, then 3f vertex indices as u32. Of a surface far from the origin, as in geographic coordinates, single precision keeps little of
-/// the shape: PLY and OBJ hold double, and glTF positions from the middle, where its nodes are moved to.
+/// (`application/vnd.chladni.mesh`): all little-endian and aligned to four bytes, the number of vertices n and of faces
+/// f as u32, then 3n positions as f32, then 3f vertex indices as u32. Of a surface far from the origin, as in
+/// geographic coordinates, single precision keeps little of the shape: PLY and OBJ hold double, and glTF positions from
+/// the middle, where its nodes are moved to.
 ///
 /// Texture coordinates, normals and names that the file had come back in all of them but buffers.
 #[utoipa::path(

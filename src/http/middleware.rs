@@ -76,7 +76,8 @@ pub async fn observe(State(state): State<AppState>, request: Request, next: Next
                 tracing::$level!(path, status = status_code, seconds, key, peer, problem, detail, "answered")
             };
         }
-        // A full disk is the operator's to see to, and what is refused under load is what limits are for: neither is a fault of the server.
+        // A full disk is the operator's to see to, and what is refused under load is what limits are for: neither is a
+        // fault of the server.
         if matches!(status, StatusCode::INSUFFICIENT_STORAGE | StatusCode::SERVICE_UNAVAILABLE) {
             answered!(warn)
         } else if status.is_server_error() {

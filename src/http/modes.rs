@@ -80,11 +80,12 @@ problems!(GetModesProblems: [INVALID_QUERY, UNKNOWN_BASIS, NOT_ACCEPTABLE, RANGE
 ///
 /// Or the eigenvectors of a problem, a row for each of its rows.
 ///
-/// By `Accept` or `format`: `application/x-npy` (the default), an n × k array in Fortran order for `numpy.load`; `application/octet-stream`, the same
-/// little-endian numbers, mode after mode, without a header; `model/ply`, the mesh with the values of one mode as colours, from blue over white at
-/// zero to red; it has the kept vertices in their order, which for points without faces is not that of the file. Numbers are f32 unless `dtype` says
-/// f64. Answers are streamed: nothing is computed before it is sent, and of a dense basis only the chunks of 32 columns that hold these modes are
-/// read.
+/// By `Accept` or `format`: `application/x-npy` (the default), an n × k array in Fortran order for `numpy.load`;
+/// `application/octet-stream`, the same little-endian numbers, mode after mode, without a header; `model/ply`, the mesh
+/// with the values of one mode as colours, from blue over white at zero to red; it has the kept vertices in their
+/// order, which for points without faces is not that of the file. Numbers are f32 unless `dtype` says f64. Answers are
+/// streamed: nothing is computed before it is sent, and of a dense basis only the chunks of 32 columns that hold these
+/// modes are read.
 #[utoipa::path(
     get, path = "/v1/bases/{id}/modes", tag = "bases", operation_id = "getModes",
     params(BasisId, NumberingQuery, ModesQuery),
@@ -197,7 +198,8 @@ async fn on_surface(
     Immutable { tag, media_type, file_name, length }.answer(headers, bytes)
 }
 
-/// Modes panel after panel behind a prefix. The first panel is computed at once, so that a failure is a problem and not a cut answer.
+/// Modes panel after panel behind a prefix. The first panel is computed at once, so that a failure is a problem and not
+/// a cut answer.
 async fn streamed(
     state: ClientState,
     basis: Arc<Basis>,

@@ -1,4 +1,5 @@
-//! In which numbering a request names vertices and faces, and gives and takes functions: that of the file, unless it says otherwise.
+//! In which numbering a request names vertices and faces, and gives and takes functions: that of the file, unless it
+//! says otherwise.
 
 use axum::extract::{FromRequestParts, Query};
 use axum::http::Uri;
@@ -21,7 +22,8 @@ use super::problem::{self, Problem};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum NumberingName {
-    /// That of the uploaded file: vertices as its lines or entries, polygons as one face, three vertices for each facet of an STL.
+    /// That of the uploaded file: vertices as its lines or entries, polygons as one face, three vertices for each facet
+    /// of an STL.
     #[default]
     File,
     /// That of the mesh that was made of it: what `GET /v1/meshes/{id}/content` gives.
@@ -44,12 +46,13 @@ pub enum ExtensionName {
 #[serde(default, deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub struct NumberingQuery {
-    /// How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-    /// (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+    /// How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+    /// mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+    /// dropped ones are ignored, and answered as null.
     #[param(inline, default = "file")]
     pub numbering: NumberingName,
-    /// What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-    /// nearest.
+    /// What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+    /// naming such a vertex means the nearest.
     #[param(inline, default = "none")]
     pub extend: ExtensionName,
 }
@@ -105,7 +108,8 @@ impl Numbered {
         })
     }
 
-    /// The same for numbers in the frames of faces, which faces that the check turned over have others of than in the file.
+    /// The same for numbers in the frames of faces, which faces that the check turned over have others of than in the
+    /// file.
     ///
     /// # Errors
     /// Those of loading a mesh.

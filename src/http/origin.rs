@@ -25,7 +25,8 @@ fn check(state: &AppState, request: &Request) -> Result<(), Problem> {
     same_origin(request.headers(), &state.config.cors_origins)
 }
 
-/// RFC 9112, section 3.2: a request of HTTP/1.1 names one host. Two would be two meanings, one for a proxy and one for us.
+/// RFC 9112, section 3.2: a request of HTTP/1.1 names one host. Two would be two meanings, one for a proxy and one for
+/// us.
 fn one_host(request: &Request) -> Result<(), Problem> {
     let hosts = request.headers().get_all(header::HOST).iter().count();
     let detail = match hosts {
@@ -43,8 +44,9 @@ fn called(request: &Request) -> &str {
     request.uri().authority().map(|authority| authority.as_str()).or_else(header).unwrap_or_default()
 }
 
-/// Refuses names that are not the server's. A page may have its own name resolve to 127.0.0.1, and is then of the same origin as a server
-/// there, free to read whatever that answers; only the name in the request gives it away. Addresses cannot be had that way.
+/// Refuses names that are not the server's. A page may have its own name resolve to 127.0.0.1, and is then of the same
+/// origin as a server there, free to read whatever that answers; only the name in the request gives it away. Addresses
+/// cannot be had that way.
 fn known_host(called: &str, state: &AppState) -> Result<(), Problem> {
     let config = &state.config;
     let trusting = state.keys().is_empty() && config.listen.ip().to_canonical().is_loopback();
@@ -69,8 +71,8 @@ fn is_known(called: &str, hosts: &[String]) -> bool {
         || hosts.iter().any(|host| host == "*" || host.eq_ignore_ascii_case(name))
 }
 
-/// Refuses changes that a page of another origin sends from a browser: a server without keys on loopback trusts whoever can
-/// reach it, and every page that its user opens can.
+/// Refuses changes that a page of another origin sends from a browser: a server without keys on loopback trusts whoever
+/// can reach it, and every page that its user opens can.
 fn same_origin(headers: &HeaderMap, allowed: &[String]) -> Result<(), Problem> {
     let Some(origin) = headers.get(header::ORIGIN).and_then(|value| value.to_str().ok()) else { return Ok(()) };
     let host = headers.get(header::HOST).and_then(|value| value.to_str().ok()).unwrap_or_default();

@@ -1,5 +1,5 @@
-//! Which parameters the query of an operation has: those that its own declaration names, read off the document. So a typing error is refused wherever
-//! it is made, on routes too that read no query at all.
+//! Which parameters the query of an operation has: those that its own declaration names, read off the document. So a
+//! typing error is refused wherever it is made, on routes too that read no query at all.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -14,7 +14,8 @@ use utoipa::openapi::path::Operation;
 use super::access::operations;
 use super::problem::{self, Problem};
 
-/// Where the API begins. Probes and pages are asked by machines of all kinds, some of which add parameters of their own.
+/// Where the API begins. Probes and pages are asked by machines of all kinds, some of which add parameters of their
+/// own.
 const API: &str = "/v1/";
 
 /// The names of the parameters that the query of every operation may have.

@@ -25,7 +25,8 @@ use std::sync::Arc;
 /// The bytes of a factor that proves a mass definite while its upload waits; larger ones are left to jobs.
 const PROOF_BYTES: u64 = 256 << 20;
 
-/// Matrices of more entries are not analysed while their upload waits: what a job on them takes is told from their size alone.
+/// Matrices of more entries are not analysed while their upload waits: what a job on them takes is told from their size
+/// alone.
 const ANALYSED_ENTRIES: usize = 40_000_000;
 
 /// Bytes of memory for each byte of matrices as they are kept: they are copied, mirrored and ordered on the way.
@@ -34,7 +35,8 @@ const COPIES: u64 = 5;
 /// Bytes of memory for each row beside its entries: offsets, orders, and what the symbolic factor knows of it.
 const ROW_BYTES: u64 = 100;
 
-/// Rows and entries of a matrix take this many bytes each at least, unfolded: whatever tells of more has next to nothing in it.
+/// Rows and entries of a matrix take this many bytes each at least, unfolded: whatever tells of more has next to
+/// nothing in it.
 const LEAST_BYTES: u64 = 4;
 
 /// What was sent.

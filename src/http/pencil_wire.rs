@@ -48,7 +48,8 @@ pub struct ProblemReport {
     mass_entries: u64,
     /// Whether the mass was proven positive definite; where that would have taken much memory, the first job proves it.
     mass_proven: bool,
-    /// Entries of a factor of S − μM, which tell the memory of a job; null where the matrices were too large to be analysed at once.
+    /// Entries of a factor of S − μM, which tell the memory of a job; null where the matrices were too large to be
+    /// analysed at once.
     factor_entries: Option<u64>,
 }
 

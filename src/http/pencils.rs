@@ -1,4 +1,5 @@
-//! Problems, the matrices of pencils: uploaded, listed, shown, renamed, deleted, and given back. (What `problem.rs` has are errors.)
+//! Problems, the matrices of pencils: uploaded, listed, shown, renamed, deleted, and given back. (What `problem.rs` has
+//! are errors.)
 
 use axum::Json;
 use axum::body::Body;
@@ -47,7 +48,8 @@ struct PartsSchema {
     /// The matrix S.
     #[schema(value_type = String, format = Binary)]
     stiffness: Vec<u8>,
-    /// The mass M: a matrix as S, or its diagonal as NPY or a Matrix Market array of one column; the identity where it is absent.
+    /// The mass M: a matrix as S, or its diagonal as NPY or a Matrix Market array of one column; the identity where it
+    /// is absent.
     #[schema(value_type = String, format = Binary, required = false)]
     mass: Vec<u8>,
     /// As in the query.
@@ -59,17 +61,19 @@ problems!(UploadProblemProblems: BODY WRITE [INVALID_QUERY, INVALID_MULTIPART, U
 
 /// Uploads a problem
 ///
-/// A problem is a pencil of sparse symmetric matrices, `S x = λ M x`, that someone else assembled; no mesh belongs to it. Jobs of the kind
-/// `pencil_basis` compute eigenpairs of it.
+/// A problem is a pencil of sparse symmetric matrices, `S x = λ M x`, that someone else assembled; no mesh belongs to
+/// it. Jobs of the kind `pencil_basis` compute eigenpairs of it.
 ///
-/// The body is the matrix S, its mass then being the identity, or `multipart/form-data` with the parts `stiffness` and `mass` (and, optionally,
-/// `name`). Each is an NPZ file of `scipy.sparse.save_npz` (CSR, CSC, COO, DIA or BSR) or Matrix Market (real, integer or pattern; general or
-/// symmetric), told by its first bytes; a mass may also be the diagonal alone. What `GET /v1/problems/{id}/content` gives is taken as well, with its
-/// mass. `Content-Encoding` may be gzip or zstd.
+/// The body is the matrix S, its mass then being the identity, or `multipart/form-data` with the parts `stiffness` and
+/// `mass` (and, optionally, `name`). Each is an NPZ file of `scipy.sparse.save_npz` (CSR, CSC, COO, DIA or BSR) or
+/// Matrix Market (real, integer or pattern; general or symmetric), told by its first bytes; a mass may also be the
+/// diagonal alone. What `GET /v1/problems/{id}/content` gives is taken as well, with its mass. `Content-Encoding` may
+/// be gzip or zstd.
 ///
-/// Both have to be finite and symmetric: entries on either side of the diagonal may differ by 1e-12 of the largest of their rows, and their mean is
-/// taken. The mass has to be positive definite. The first entry or row that does not fit is named, counted from 0. Where proving the mass definite
-/// would take much memory (`mass_proven` is false then), the first job does it, and fails if it is not.
+/// Both have to be finite and symmetric: entries on either side of the diagonal may differ by 1e-12 of the largest of
+/// their rows, and their mean is taken. The mass has to be positive definite. The first entry or row that does not fit
+/// is named, counted from 0. Where proving the mass definite would take much memory (`mass_proven` is false then), the
+/// first job does it, and fails if it is not.
 ///
 /// Equal matrices have the same id, in whichever format they come: sending them again answers 200 with what is stored.
 #[utoipa::path(
@@ -241,8 +245,9 @@ problems!(GetProblemContentProblems: [INVALID_QUERY, UNKNOWN_PROBLEM, NOT_ACCEPT
 
 /// Gets the matrices of a problem
 ///
-/// As NPZ: `format`, `shape`, `data`, `indices` and `indptr` of S in CSR form, which `scipy.sparse.load_npz` opens; of the mass the diagonal `mass`,
-/// or `mass_data`, `mass_indices` and `mass_indptr` in CSR form, or nothing where it is the identity.
+/// As NPZ: `format`, `shape`, `data`, `indices` and `indptr` of S in CSR form, which `scipy.sparse.load_npz` opens; of
+/// the mass the diagonal `mass`, or `mass_data`, `mass_indices` and `mass_indptr` in CSR form, or nothing where it is
+/// the identity.
 #[utoipa::path(
     get, path = "/v1/problems/{id}/content", tag = "problems", operation_id = "getProblemContent",
     params(

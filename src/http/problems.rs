@@ -60,7 +60,8 @@ fn response(ids: &[&str]) -> Response {
     ResponseBuilder::new().description(format!("A problem: {listed}")).content(MEDIA_TYPE, content).build()
 }
 
-/// Declares the problems of a route as a type, which the route's `responses(…)` names: shared lists first, then kinds of its own.
+/// Declares the problems of a route as a type, which the route's `responses(…)` names: shared lists first, then kinds
+/// of its own.
 macro_rules! problems {
     ($name:ident: $($list:ident)* [$($kind:ident),* $(,)?]) => {
         struct $name;

@@ -109,8 +109,9 @@ problems!(GetSampleProblems: [INVALID_QUERY, UNKNOWN_SAMPLE, BUSY]);
 
 /// Generates a mesh
 ///
-/// The file can be uploaded as it is: `curl -sS $url/v1/samples/bell | curl -sS $url/v1/meshes?name=bell --data-binary @-`. The same
-/// request gives the same bytes.
+/// The file can be uploaded as it is:
+/// `curl -sS $url/v1/samples/bell | curl -sS $url/v1/meshes?name=bell --data-binary @-`. The same request gives the
+/// same bytes.
 #[utoipa::path(
     get, path = "/v1/samples/{shape}", tag = "meshes", operation_id = "getSample",
     params(("shape" = String, Path, description = "A name from the list, or `genus-G` for a whole number G up to 50", example = "bell"), SampleQuery),

@@ -1,4 +1,5 @@
-//! Who gets a connection. One client may hold a part of them; when all are taken, a few more are kept for those who ask how the server is.
+//! Who gets a connection. One client may hold a part of them; when all are taken, a few more are kept for those who ask
+//! how the server is.
 
 use std::collections::HashMap;
 use std::net::{IpAddr, SocketAddr};
@@ -15,8 +16,8 @@ use super::problem::{self, Problem};
 use super::serve::Peer;
 use super::shares::{Share, Shares};
 
-/// Connections beyond the limit, which serve health and metrics alone. Whoever comes when these are taken too takes the place of the oldest
-/// of whichever address has most of them, so that idle connections cannot keep a probe out.
+/// Connections beyond the limit, which serve health and metrics alone. Whoever comes when these are taken too takes the
+/// place of the oldest of whichever address has most of them, so that idle connections cannot keep a probe out.
 const RESERVE: usize = 32;
 
 /// All places for connections.

@@ -33,7 +33,8 @@ pub struct Peer {
     pub reserve: bool,
 }
 
-/// Serves the API on `listener` until `shutdown` resolves, then lets running requests end within the configured drain time.
+/// Serves the API on `listener` until `shutdown` resolves, then lets running requests end within the configured drain
+/// time.
 ///
 /// # Errors
 /// None at present: a failing accept (out of file handles) is logged and tried again.
@@ -101,8 +102,8 @@ pub async fn serve(listener: TcpListener, state: AppState, shutdown: impl Future
     Ok(())
 }
 
-/// Answers are flushed one by one: gathered for pipelined requests (`pipeline_flush`), they would pile up without bound for a client that reads
-/// nothing, and the refusal of a malformed request would be lost with them.
+/// Answers are flushed one by one: gathered for pipelined requests (`pipeline_flush`), they would pile up without bound
+/// for a client that reads nothing, and the refusal of a malformed request would be lost with them.
 fn http(header: Duration) -> http1::Builder {
     let mut http = http1::Builder::new();
     http.timer(TokioTimer::new()).header_read_timeout(header).max_buf_size(HEADER_BYTES).half_close(false);

@@ -1,4 +1,5 @@
-//! The shapes that a job or a request on several bases names: which they are, and whether they can be mapped to each other.
+//! The shapes that a job or a request on several bases names: which they are, and whether they can be mapped to each
+//! other.
 
 use chladni_spectral::analysis::map_collection::{MOST_SHAPES, ShapeSize};
 use chladni_spectral::basis::{MAP_COLLECTION, ProductKind};
@@ -21,7 +22,8 @@ fn refused(reason: impl Into<String>) -> Problem {
     ParameterError::Value { name: "bases", reason: reason.into() }.into()
 }
 
-/// Reads what a request for maps of a collection asks for, and checks it against the bases. Its parameters are taken out of it.
+/// Reads what a request for maps of a collection asks for, and checks it against the bases. Its parameters are taken
+/// out of it.
 pub(super) async fn plan(state: &ClientState, request: &mut JobRequest) -> Result<Planned, Problem> {
     let JobParameters::MapCollection(parameters) = JobParameters::read(&request.kind, &request.parameters)? else {
         return Err(Problem::internal("parameters of another kind were read"));

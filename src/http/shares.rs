@@ -1,5 +1,5 @@
-//! What clients share and none may use up: places for solves, bytes of requests, event streams. One client may hold a part of it, so that
-//! another one always finds something left.
+//! What clients share and none may use up: places for solves, bytes of requests, event streams. One client may hold a
+//! part of it, so that another one always finds something left.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

@@ -133,8 +133,9 @@ problems!(SignaturesProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_ANALYSIS]
 ///
 /// The heat kernel, the wave kernel or the global point signature, of chosen vertices or all: a row for each vertex.
 ///
-/// JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is little-endian u32 vertices, or empty for all, and the
-/// rest of the request stands in the query. The answer is of the same kind unless `Accept` says otherwise.
+/// JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is little-endian u32 vertices, or empty
+/// for all, and the rest of the request stands in the query. The answer is of the same kind unless `Accept` says
+/// otherwise.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/signatures", tag = "analysis", operation_id = "signatures",
     params(BasisId, NumberingQuery, SignatureQuery),
@@ -181,11 +182,11 @@ problems!(SimilarPointsProblems: SOLVE BODY JSON [INVALID_VERTEX, INVALID_ANALYS
 
 /// Finds points that are similar to one
 ///
-/// Compares the signature of every vertex with that of one: heat kernels by their distance over all scales (Sun et al. 2009), wave
-/// kernels by their relative differences (Aubry et al. 2011), global points by the Euclidean distance.
+/// Compares the signature of every vertex with that of one: heat kernels by their distance over all scales (Sun et al.
+/// 2009), wave kernels by their relative differences (Aubry et al. 2011), global points by the Euclidean distance.
 ///
-/// JSON gives the most similar points. A raw answer is the difference of every vertex; a raw body is the vertex as one little-endian u32,
-/// the rest of the request stands in the query then.
+/// JSON gives the most similar points. A raw answer is the difference of every vertex; a raw body is the vertex as one
+/// little-endian u32, the rest of the request stands in the query then.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/similar-points", tag = "analysis", operation_id = "similarPoints",
     params(BasisId, NumberingQuery, SignatureQuery),

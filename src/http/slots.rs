@@ -1,8 +1,9 @@
-//! How many requests are worked on at once, whose turn is next, and when a request that waits for somebody else steps aside.
+//! How many requests are worked on at once, whose turn is next, and when a request that waits for somebody else steps
+//! aside.
 //!
-//! What a request reads from the store stands in one line with what all others read. A client that has a thousand requests open would have everybody
-//! else wait behind them, although each takes less than a millisecond; so only a few are let on at a time, client by client, and the rest wait
-//! without taking anything.
+//! What a request reads from the store stands in one line with what all others read. A client that has a thousand
+//! requests open would have everybody else wait behind them, although each takes less than a millisecond; so only a few
+//! are let on at a time, client by client, and the rest wait without taking anything.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -91,8 +92,8 @@ impl Drop for Slot {
     }
 }
 
-/// The slot of one request, which everything that works for it shares. Without one it is not in line: an operation that writes waits for other
-/// writes.
+/// The slot of one request, which everything that works for it shares. Without one it is not in line: an operation that
+/// writes waits for other writes.
 #[derive(Debug, Clone, Default)]
 pub struct Turn(Option<Arc<Held>>);
 
@@ -110,7 +111,8 @@ impl Turn {
         Self(Some(Arc::new(Held { slots: slots.clone(), client: client.clone(), slot })))
     }
 
-    /// Lets others on while the request waits for its client, for a job, or for threads that have a line of their own; or when it is answered.
+    /// Lets others on while the request waits for its client, for a job, or for threads that have a line of their own;
+    /// or when it is answered.
     pub fn step_aside(&self) {
         if let Some(held) = &self.0 {
             let slot = held.lock().take();

@@ -205,14 +205,15 @@ problems!(FilterProblems: SOLVE BODY JSON [INVALID_FUNCTION, INVALID_TRANSFER]);
 
 /// Filters functions by their spectrum
 ///
-/// `x' = Φ F(Λ) ΦᵀM x + F∞ (x − ΦΦᵀM x)` (Vallet and Lévy 2008): each part of a function is multiplied by a factor that depends on
-/// its eigenvalue; detail that the basis does not hold is multiplied by F∞, not lost.
+/// `x' = Φ F(Λ) ΦᵀM x + F∞ (x − ΦΦᵀM x)` (Vallet and Lévy 2008): each part of a function is multiplied by a factor that
+/// depends on its eigenvalue; detail that the basis does not hold is multiplied by F∞, not lost.
 ///
-/// JSON, or raw numbers for speed: with `Content-Type: application/octet-stream` the body is little-endian values, vertex after vertex and, within a
-/// vertex, function after function, of the type `dtype`; the transfer function stands in the query. The answer is of the same kind unless `Accept`
-/// says otherwise; a raw one has its shape in `Chladni-Rows` and `Chladni-Columns`. A surface (`model/ply`, `model/obj`, `model/gltf-binary`) has the
-/// kept vertices in their order, which for points without faces is not that of the file, and the texture coordinates, normals and names that the mesh
-/// came with; normals turn with their faces.
+/// JSON, or raw numbers for speed: with `Content-Type: application/octet-stream` the body is little-endian values,
+/// vertex after vertex and, within a vertex, function after function, of the type `dtype`; the transfer function stands
+/// in the query. The answer is of the same kind unless `Accept` says otherwise; a raw one has its shape in
+/// `Chladni-Rows` and `Chladni-Columns`. A surface (`model/ply`, `model/obj`, `model/gltf-binary`) has the kept
+/// vertices in their order, which for points without faces is not that of the file, and the texture coordinates,
+/// normals and names that the mesh came with; normals turn with their faces.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/filter", tag = "bases", operation_id = "filter",
     params(BasisId, NumberingQuery, RawQuery),
@@ -284,9 +285,9 @@ problems!(ProjectProblems: SOLVE BODY JSON [INVALID_FUNCTION, INVALID_ANALYSIS])
 
 /// Projects functions onto a basis
 ///
-/// `ΦᵀM x`: the coefficients of the nearest combinations of the first `pairs` eigenfunctions, a row for each of them, and how much they do
-/// not hold. JSON or raw numbers, as for `filter`; a raw answer is the coefficients, or with `reconstruct=true` the projected functions, and
-/// has the relative errors in `Chladni-Relative-Error`.
+/// `ΦᵀM x`: the coefficients of the nearest combinations of the first `pairs` eigenfunctions, a row for each of them,
+/// and how much they do not hold. JSON or raw numbers, as for `filter`; a raw answer is the coefficients, or with
+/// `reconstruct=true` the projected functions, and has the relative errors in `Chladni-Relative-Error`.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/project", tag = "bases", operation_id = "project",
     params(BasisId, NumberingQuery, RawQuery),
@@ -360,8 +361,8 @@ problems!(ReconstructProblems: SOLVE BODY JSON [INVALID_FUNCTION]);
 
 /// Evaluates combinations of eigenfunctions
 ///
-/// `Φ c` for a table of coefficients with a row for each eigenfunction: what `project` gives, changed or not. JSON or raw numbers, as
-/// for `filter`; the answer has a row for each vertex.
+/// `Φ c` for a table of coefficients with a row for each eigenfunction: what `project` gives, changed or not. JSON or
+/// raw numbers, as for `filter`; the answer has a row for each vertex.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/reconstruct", tag = "bases", operation_id = "reconstruct",
     params(BasisId, NumberingQuery,

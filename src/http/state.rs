@@ -21,8 +21,8 @@ use crate::telemetry::Metrics;
 /// Solves that may wait for each thread of the solve pool; further ones are told to come back.
 const SOLVES_PER_THREAD: usize = 64;
 
-/// Requests that are worked on at once for each core: enough that none is idle while some wait for the store, and so few that whoever comes next
-/// waits for a millisecond or two.
+/// Requests that are worked on at once for each core: enough that none is idle while some wait for the store, and so
+/// few that whoever comes next waits for a millisecond or two.
 const SLOTS_PER_CORE: usize = 4;
 
 /// The memory for requests beside two bodies of the largest size, in bytes.
@@ -153,8 +153,8 @@ impl AppState {
         })))
     }
 
-    /// Begins to drain: `readyz` says so and nothing new is accepted, while everything that can be read still can, so that
-    /// clients see their running jobs end. [`serve`](super::serve) closes connections once it is told to stop.
+    /// Begins to drain: `readyz` says so and nothing new is accepted, while everything that can be read still can, so
+    /// that clients see their running jobs end. [`serve`](super::serve) closes connections once it is told to stop.
     pub fn begin_drain(&self) {
         self.refuse.store(true, Ordering::Relaxed);
     }
@@ -202,8 +202,8 @@ impl AppState {
         Ok(count)
     }
 
-    /// Runs a query of the store whose rows hold large texts, such as the parameters of jobs: they are parsed on a thread where that delays
-    /// nobody else.
+    /// Runs a query of the store whose rows hold large texts, such as the parameters of jobs: they are parsed on a
+    /// thread where that delays nobody else.
     ///
     /// # Errors
     /// Whatever `query` answers.

@@ -51,9 +51,10 @@ problems!(GetMapsProblems: [INVALID_QUERY, UNKNOWN_BASIS, UNKNOWN_MESH, BASIS_KI
 
 /// Gets the maps between shapes
 ///
-/// What a job of the kind `map_collection` found, in the form of `POST /v1/map-collections`: for each vertex of a target the vertex of the source
-/// that corresponds to it. Vertices are those of the uploaded files, for which their meshes have to be there, or with `numbering=kept` those of the
-/// meshes. The NPZ of `/content` has all of it as arrays, with the numbering of each file.
+/// What a job of the kind `map_collection` found, in the form of `POST /v1/map-collections`: for each vertex of a
+/// target the vertex of the source that corresponds to it. Vertices are those of the uploaded files, for which their
+/// meshes have to be there, or with `numbering=kept` those of the meshes. The NPZ of `/content` has all of it as
+/// arrays, with the numbering of each file.
 #[utoipa::path(
     get, path = "/v1/bases/{id}/maps", tag = "analysis", operation_id = "getMaps",
     params(BasisId, NumberingQuery, MapsQuery),

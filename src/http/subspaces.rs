@@ -34,7 +34,8 @@ pub fn routes() -> OpenApiRouter<AppState> {
 #[serde(deny_unknown_fields)]
 #[schema(example = json!({"reference": "019aa5d0-6b0a-7d52-9a44-07a1c9f0aa10", "other": "019aa5d1-0c2b-7aa1-b7f4-5f0d6a1c2e33", "pairs": 100}))]
 struct BasisComparisonRequest {
-    /// The id of the basis that the other one is projected on, an exact one for instance; inner products are by its mass.
+    /// The id of the basis that the other one is projected on, an exact one for instance; inner products are by its
+    /// mass.
     reference: String,
     /// The id of the other basis, on as many vertices.
     other: String,
@@ -84,7 +85,8 @@ struct BasisComparisonAnswer {
     pairs: usize,
     /// Per pair the eigenvalue of the other basis less that of the reference, over that.
     eigenvalue_errors: Vec<f64>,
-    /// Per function of the other basis, which share of it lies outside of the functions of the reference, in the norm of the mass.
+    /// Per function of the other basis, which share of it lies outside of the functions of the reference, in the norm
+    /// of the mass.
     projection_errors: Vec<f64>,
     /// The principal angles between the spans of all the functions, in radians, ascending.
     angles: Vec<f64>,
@@ -98,8 +100,8 @@ problems!(CompareBasesProblems: BODY JSON [INVALID_QUERY, UNKNOWN_BASIS, NOT_ACC
 
 /// Compares two bases of one surface
 ///
-/// Projects the functions of one on those of the other: Fourier coefficients, what is left out, and the principal angles between eigenspaces,
-/// eigenvalues that lie close together being taken as one.
+/// Projects the functions of one on those of the other: Fourier coefficients, what is left out, and the principal
+/// angles between eigenspaces, eigenvalues that lie close together being taken as one.
 #[utoipa::path(
     post, path = "/v1/basis-comparisons", tag = "analysis", operation_id = "compareBases",
     request_body(content = BasisComparisonRequest),

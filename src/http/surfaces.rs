@@ -69,7 +69,8 @@ impl Surface {
         self.mesh.positions.len()
     }
 
-    /// The surface with three functions as its coordinates. Of functions on a solid the rows of its surface are taken, which come first.
+    /// The surface with three functions as its coordinates. Of functions on a solid the rows of its surface are taken,
+    /// which come first.
     ///
     /// # Errors
     /// `invalid-function` unless there are three.
@@ -138,12 +139,13 @@ problems!(WriteMovedSurfaceProblems: BODY JSON [INVALID_QUERY, UNKNOWN_MESH, NOT
 
 /// Writes a mesh whose vertices have moved
 ///
-/// The faces of the mesh with other positions (a mode that swings, a simulation, whatever a client computes), with all else that its file had:
-/// texture coordinates, names of groups, objects and materials, and normals, which turn with their faces. By `Accept` or `format`: PLY (the default),
-/// OBJ or binary glTF.
+/// The faces of the mesh with other positions (a mode that swings, a simulation, whatever a client computes), with all
+/// else that its file had: texture coordinates, names of groups, objects and materials, and normals, which turn with
+/// their faces. By `Accept` or `format`: PLY (the default), OBJ or binary glTF.
 ///
-/// The body is a JSON table of three columns with a row for each vertex, or, with `Content-Type: application/octet-stream`, little-endian numbers of
-/// the type `dtype`, vertex after vertex. The surface that is answered has the kept vertices in their order.
+/// The body is a JSON table of three columns with a row for each vertex, or, with
+/// `Content-Type: application/octet-stream`, little-endian numbers of the type `dtype`, vertex after vertex. The
+/// surface that is answered has the kept vertices in their order.
 #[utoipa::path(
     post, path = "/v1/meshes/{id}/surface", tag = "meshes", operation_id = "writeMovedSurface",
     params(MeshId, NumberingQuery, MovedQuery),

@@ -60,7 +60,8 @@ struct Readiness {
     wal_bytes: u64,
     /// Seconds for which the job has waited that waits for longest and could run; 0 where none waits.
     queue_age_seconds: u64,
-    /// The workers that were heard of within a minute, by what they have; empty where this process shares its jobs with none.
+    /// The workers that were heard of within a minute, by what they have; empty where this process shares its jobs with
+    /// none.
     workers: Vec<WorkerClass>,
 }
 
@@ -79,8 +80,8 @@ pub(super) struct WorkerClass {
     pub(super) seats: u64,
 }
 
-/// Living workers by what they have; none where they cannot be asked for. Memory in whole GiB: what a worker finds free when it starts is the same to
-/// the byte for no two, and a metric of a label for each process is of no use.
+/// Living workers by what they have; none where they cannot be asked for. Memory in whole GiB: what a worker finds free
+/// when it starts is the same to the byte for no two, and a metric of a label for each process is of no use.
 fn memory_class(bytes: u64) -> u64 {
     const GIB: u64 = 1 << 30;
     if bytes < GIB { bytes } else { bytes / GIB * GIB }
@@ -134,9 +135,10 @@ problems!(ReadyProblems: [NOT_READY]);
 
 /// Tells whether the server takes work
 ///
-/// Where it does not, the problem's `reasons` tell a full disk (`storage-full`), databases that were removed or replaced (`storage-replaced`), a
-/// store that cannot be written for another cause (`storage-unavailable`: a database that does not answer, where one is shared), an object store that
-/// does not answer (`content-unavailable`), dead workers (`workers-dead`) and a server that shuts down (`draining`) apart.
+/// Where it does not, the problem's `reasons` tell a full disk (`storage-full`), databases that were removed or
+/// replaced (`storage-replaced`), a store that cannot be written for another cause (`storage-unavailable`: a database
+/// that does not answer, where one is shared), an object store that does not answer (`content-unavailable`), dead
+/// workers (`workers-dead`) and a server that shuts down (`draining`) apart.
 #[utoipa::path(
     get, path = "/readyz", tag = "system", operation_id = "ready",
     responses(
@@ -207,7 +209,8 @@ fn refusals(state: &AppState, health: &StoreHealth) -> Vec<&'static str> {
 )]
 async fn metrics(State(state): State<AppState>) -> Result<Response, Problem> {
     let metrics = &state.metrics;
-    // The health of the store comes first: where the database does not answer, nothing else is asked of it, and the scrape is back in time to say so.
+    // The health of the store comes first: where the database does not answer, nothing else is asked of it, and the
+    // scrape is back in time to say so.
     let health = state.store_health().await;
     let counts = if health.database_up { Some(state.store.job_counts().await) } else { None };
     match counts {
@@ -242,7 +245,8 @@ async fn metrics(State(state): State<AppState>) -> Result<Response, Problem> {
     metrics.store_info.with_label_values(&[health.database, health.content]).set(1);
     metrics.database_up.set(i64::from(health.database_up));
     metrics.content_up.set(i64::from(health.content_up));
-    // Classes go as their last worker does. They are read before the old ones are dropped, so that no other scrape finds none.
+    // Classes go as their last worker does. They are read before the old ones are dropped, so that no other scrape
+    // finds none.
     let classes = if health.database_up { worker_classes(&state).await } else { Vec::new() };
     metrics.workers.reset();
     metrics.worker_seats.reset();

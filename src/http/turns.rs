@@ -1,19 +1,21 @@
-//! Whose turn it is: clients take turns, however much one of them has waiting. In one line for all, whoever sends much would have everybody else wait
-//! behind it.
+//! Whose turn it is: clients take turns, however much one of them has waiting. In one line for all, whoever sends much
+//! would have everybody else wait behind it.
 //!
-//! Turns are those of start-time fair queueing (Goyal, Vin and Cheng 1997), each piece of work counted as one: a client that comes, and has had no
-//! more than others lately, is next.
+//! Turns are those of start-time fair queueing (Goyal, Vin and Cheng 1997), each piece of work counted as one: a client
+//! that comes, and has had no more than others lately, is next.
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Clients that are remembered while they have nothing waiting; beyond, all are forgotten, and count as if they came for the first time.
+/// Clients that are remembered while they have nothing waiting; beyond, all are forgotten, and count as if they came
+/// for the first time.
 const MOST_REMEMBERED: usize = 10_000;
 
 /// What waits, client by client, each in the order in which it came.
 #[derive(Debug)]
 pub struct Lines<T> {
-    /// The clients that have something waiting, each of them once, by the round that it is due in and by who came first.
+    /// The clients that have something waiting, each of them once, by the round that it is due in and by who came
+    /// first.
     due: BTreeMap<(u64, u64), Arc<str>>,
     waiting: HashMap<Arc<str>, VecDeque<T>>,
     /// The rounds in which clients that have nothing waiting are due again, where those have not come yet.
@@ -52,7 +54,8 @@ impl<T> Lines<T> {
             let round = self.round;
             self.ahead.retain(|_, due| *due > round);
         }
-        // Who has nothing waiting, and no more than others behind it, is forgotten, so that the tables stay as small as the number of those who have.
+        // Who has nothing waiting, and no more than others behind it, is forgotten, so that the tables stay as small as
+        // the number of those who have.
         if own.is_empty() {
             self.waiting.remove(&client);
             if self.ahead.len() >= MOST_REMEMBERED {
@@ -88,8 +91,9 @@ struct Seats {
 impl Turns {
     /// Has `pool` do the work when it is the client's turn.
     ///
-    /// No more work is given to the pool than it has threads: a thread that waits for its part of a parallel loop takes up whatever else the pool has
-    /// to do, and would put a whole piece of somebody else's work, and others within that, before the end of its own.
+    /// No more work is given to the pool than it has threads: a thread that waits for its part of a parallel loop takes
+    /// up whatever else the pool has to do, and would put a whole piece of somebody else's work, and others within
+    /// that, before the end of its own.
     pub fn spawn(&self, pool: &rayon::ThreadPool, client: &Arc<str>, work: impl FnOnce() + Send + 'static) {
         let mut seats = self.lock();
         seats.lines.add(client, Box::new(work));
@@ -100,8 +104,8 @@ impl Turns {
         }
     }
 
-    /// Does whatever is next, and has the pool go on with the one after it. It goes by way of the pool: a thread that waits for a part of its own
-    /// work, and does this meanwhile, comes back to it after each piece.
+    /// Does whatever is next, and has the pool go on with the one after it. It goes by way of the pool: a thread that
+    /// waits for a part of its own work, and does this meanwhile, comes back to it after each piece.
     fn work(self) {
         let next = {
             let mut seats = self.lock();
@@ -212,7 +216,8 @@ mod tests {
         let turns = Turns::default();
         let client: Arc<str> = "busy".into();
         let (sender, done) = mpsc::channel();
-        // Pieces that are within one another on a thread: a thread that waits for a part of one may take up parts of others, but no whole one.
+        // Pieces that are within one another on a thread: a thread that waits for a part of one may take up parts of
+        // others, but no whole one.
         thread_local!(static WITHIN: std::cell::Cell<usize> = const { std::cell::Cell::new(0) });
         for _ in 0..200 {
             let sender = sender.clone();

@@ -34,7 +34,8 @@ pub fn routes() -> OpenApiRouter<AppState> {
 #[serde(deny_unknown_fields)]
 #[schema(example = json!({"weights": [0.0, 1.0, 0.5]}))]
 struct ValueGradientRequest {
-    /// What each eigenvalue counts, from the first on: the derivatives of a loss by the eigenvalues. Those beyond the last do not count.
+    /// What each eigenvalue counts, from the first on: the derivatives of a loss by the eigenvalues. Those beyond the
+    /// last do not count.
     #[serde(default)]
     weights: Vec<f64>,
 }
@@ -54,19 +55,21 @@ problems!(ValueGradientProblems: SOLVE BODY JSON [INVALID_FUNCTION, INVALID_ANAL
 
 /// Computes the gradient of eigenvalues
 ///
-/// The derivatives of a weighted sum of eigenvalues by the positions of the vertices: a row of three numbers for each vertex, in 1/length³ of the
-/// mesh. With the derivatives of a loss by the eigenvalues as weights they are those of the loss, which is what backpropagation asks for.
+/// The derivatives of a weighted sum of eigenvalues by the positions of the vertices: a row of three numbers for each
+/// vertex, in 1/length³ of the mesh. With the derivatives of a loss by the eigenvalues as weights they are those of the
+/// loss, which is what backpropagation asks for.
 ///
-/// The Laplacian is to be that of the triangles as they are (`laplace`, or `auto` where it chose that) or of a solid (`volume`), the mass
-/// `barycentric` or `consistent`. Eigenvalues that coincide have no derivatives of their own, but their sum has: give them equal weights. Of an
-/// approximate basis it is the derivative of its values in the space that it has.
+/// The Laplacian is to be that of the triangles as they are (`laplace`, or `auto` where it chose that) or of a solid
+/// (`volume`), the mass `barycentric` or `consistent`. Eigenvalues that coincide have no derivatives of their own, but
+/// their sum has: give them equal weights. Of an approximate basis it is the derivative of its values in the space that
+/// it has.
 ///
-/// In the numbering of the file, merged vertices share what the vertex has that was kept of them, dropped ones have zero, and what belongs to
-/// vertices that `subdivide` made goes to the ends of their edges, so that moving the file's vertices by a small `v` changes the sum by the inner
-/// product of `v` with the answer.
+/// In the numbering of the file, merged vertices share what the vertex has that was kept of them, dropped ones have
+/// zero, and what belongs to vertices that `subdivide` made goes to the ends of their edges, so that moving the file's
+/// vertices by a small `v` changes the sum by the inner product of `v` with the answer.
 ///
-/// JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is the weights as little-endian f64. The answer is of the same kind
-/// unless `Accept` says otherwise.
+/// JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is the weights as little-endian f64.
+/// The answer is of the same kind unless `Accept` says otherwise.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/value-gradient", tag = "analysis", operation_id = "valueGradient",
     params(BasisId, NumberingQuery, ValueGradientQuery),

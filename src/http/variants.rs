@@ -1,11 +1,12 @@
-//! The variants of enums, in the OpenAPI document, as schemas with names: generators name types after them, and a discriminator can only map to
-//! names.
+//! The variants of enums, in the OpenAPI document, as schemas with names: generators name types after them, and a
+//! discriminator can only map to names.
 
 use serde_json::{Map, Value, json};
 
 use super::document::{reference, schemas};
 
-/// Names the variants of every enum that has some which are objects; where all are told apart by one member, that is the discriminator.
+/// Names the variants of every enum that has some which are objects; where all are told apart by one member, that is
+/// the discriminator.
 pub fn name(document: &mut Value) {
     let names: Vec<String> = schemas(document).keys().cloned().collect();
     for name in names {

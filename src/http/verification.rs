@@ -47,8 +47,8 @@ const HASH: &str = "BLAKE3 of the content of the basis, the id of the mesh";
 }))]
 #[allow(dead_code)]
 struct ReceiptSchema {
-    /// `confirmed` where everything is as the basis says, `refuted` where something is not, `unconfirmed` where nothing is wrong and something could
-    /// not be judged.
+    /// `confirmed` where everything is as the basis says, `refuted` where something is not, `unconfirmed` where nothing
+    /// is wrong and something could not be judged.
     verdict: String,
     /// BLAKE3 of the content of the basis, and the id of the mesh or of the problem.
     hashes: ReceiptHashes,
@@ -56,11 +56,13 @@ struct ReceiptSchema {
     hash: String,
     /// Program and version.
     verified_by: String,
-    /// The operator that was assembled anew; `{"elastic": …}` of vibration modes, `pencil` where the matrices came as they are.
+    /// The operator that was assembled anew; `{"elastic": …}` of vibration modes, `pencil` where the matrices came as
+    /// they are.
     operator: serde_json::Value,
     /// Its mass matrix; `lumped` of vibration modes, of a problem `identity`, `diagonal` or `sparse`.
     mass: String,
-    /// Its boundary condition; of vibration modes `free` or `clamped`, of a problem `dirichlet` where rows are fixed, else `none`.
+    /// Its boundary condition; of vibration modes `free` or `clamped`, of a problem `dirichlet` where rows are fixed,
+    /// else `none`.
     boundary: String,
     /// The parameters of the job that made the basis.
     solved_with: serde_json::Value,
@@ -68,8 +70,8 @@ struct ReceiptSchema {
     first: u64,
     /// How many pairs there are.
     pairs: u64,
-    /// So many of the pairs, from the first, are proven to be all there are from there; null where the basis claims no such thing, or it is not
-    /// confirmed.
+    /// So many of the pairs, from the first, are proven to be all there are from there; null where the basis claims no
+    /// such thing, or it is not confirmed.
     proven_complete: Option<u64>,
     /// What is wrong, a sentence each.
     findings: Vec<String>,
@@ -120,11 +122,12 @@ problems!(VerifyBasisProblems: SOLVE [BODY_TOO_LARGE, INVALID_ANALYSIS]);
 
 /// Judges a basis again
 ///
-/// Nothing of a solver takes part: the operator or the elastic object is assembled anew, or the matrices of the problem are read again, residuals and
-/// inner products are summed from the functions as they are stored, and where the basis claims to be complete its eigenvalues are counted by another
-/// factorisation. The answer is a receipt, as `chladni verify --receipt` writes it. Of vibration modes its eigenvalues, bounds, distances and shifts
-/// are squared angular frequencies, in 1/time². Of bases of fields for design, families of operators and maps nothing is proven, and there is nothing to be
-/// judged.
+/// Nothing of a solver takes part: the operator or the elastic object is assembled anew, or the matrices of the problem
+/// are read again, residuals and inner products are summed from the functions as they are stored, and where the basis
+/// claims to be complete its eigenvalues are counted by another factorisation. The answer is a receipt, as
+/// `chladni verify --receipt` writes it. Of vibration modes its eigenvalues, bounds, distances and shifts are squared
+/// angular frequencies, in 1/time². Of bases of fields for design, families of operators and maps nothing is proven,
+/// and there is nothing to be judged.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/verification", tag = "bases", operation_id = "verifyBasis",
     params(BasisId),
@@ -196,7 +199,8 @@ async fn verify_vibration(
     .await
 }
 
-/// Judges in a solve of its own, with so many bytes: a factor that fills in more is not computed, and the count stays unconfirmed.
+/// Judges in a solve of its own, with so many bytes: a factor that fills in more is not computed, and the count stays
+/// unconfirmed.
 async fn judged(
     state: ClientState,
     memory: Share,

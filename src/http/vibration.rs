@@ -40,12 +40,13 @@ problems!(SimulateProblems: SOLVE BODY JSON [INVALID_SIMULATION]);
 
 /// Simulates an object in its vibration modes
 ///
-/// For a basis of the kind `vibration_basis`. Every mode is a damped oscillator, `q̈ + (α + βλ) q̇ + λ q = f` (thesis, eq. 2.16), whose motion is
-/// evaluated exactly at whatever time is asked for: there are no steps.
+/// For a basis of the kind `vibration_basis`. Every mode is a damped oscillator, `q̈ + (α + βλ) q̇ + λ q = f` (thesis,
+/// eq. 2.16), whose motion is evaluated exactly at whatever time is asked for: there are no steps.
 ///
-/// With `Accept: application/octet-stream` displacements come as raw little-endian f32, frame after frame, vertex after vertex, x, y and z of
-/// each. With `sound` the answer is a WAV file: what a tap sounds like at a point, by Rayleigh's integral without delays; `Chladni-Peak` has the
-/// largest pressure in pascal, if the mesh is in metres and the material in SI units.
+/// With `Accept: application/octet-stream` displacements come as raw little-endian f32, frame after frame, vertex after
+/// vertex, x, y and z of each. With `sound` the answer is a WAV file: what a tap sounds like at a point, by Rayleigh's
+/// integral without delays; `Chladni-Peak` has the largest pressure in pascal, if the mesh is in metres and the
+/// material in SI units.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/simulate", tag = "bases", operation_id = "simulate",
     params(BasisId, NumberingQuery),

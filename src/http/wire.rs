@@ -58,8 +58,8 @@ pub struct MeshResource {
     pub bytes: u64,
     /// When it was stored.
     pub created_ms: i64,
-    /// Area, bounding box, Euler characteristic, genus, components, boundary loops, each kind of defect with a count and its
-    /// first offenders, and what was repaired.
+    /// Area, bounding box, Euler characteristic, genus, components, boundary loops, each kind of defect with a count
+    /// and its first offenders, and what was repaired.
     #[schema(value_type = MeshReport)]
     pub report: Value,
     /// Where to go from here.
@@ -120,7 +120,8 @@ pub struct JobRequest {
     #[serde(default)]
     #[schema(min_items = 2, max_items = 32)]
     pub bases: Option<Vec<String>>,
-    /// Parameters of the kind; what is absent takes its default. A parameter of another kind or method is refused by name.
+    /// Parameters of the kind; what is absent takes its default. A parameter of another kind or method is refused by
+    /// name.
     #[serde(default)]
     #[schema(value_type = Object)]
     pub parameters: Packed,
@@ -251,8 +252,8 @@ pub struct JobResource {
     /// The bases it works on, of the kind `map_collection` alone; `mesh` is that of the first.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bases: Option<Vec<String>>,
-    /// The parameters, with every default filled in. Of a long list, such as a potential, `numbers` tells the length and `blake3` the
-    /// hash.
+    /// The parameters, with every default filled in. Of a long list, such as a potential, `numbers` tells the length
+    /// and `blake3` the hash.
     #[schema(value_type = Object)]
     pub parameters: Value,
     /// Higher runs first.
@@ -271,10 +272,11 @@ pub struct JobResource {
     pub attempt: u32,
     /// How often it is tried at most.
     pub max_attempts: u32,
-    /// An estimate of the memory it needs: jobs that together need more than the server has do not run at once. It grows where a job in parts turns out
-    /// to be done in one piece.
+    /// An estimate of the memory it needs: jobs that together need more than the server has do not run at once. It
+    /// grows where a job in parts turns out to be done in one piece.
     pub memory_bytes: u64,
-    /// Of a job that is divided, how many of its parts are done, of all; null where it is not. It waits for them as `enqueued`, in the stage `parts`.
+    /// Of a job that is divided, how many of its parts are done, of all; null where it is not. It waits for them as
+    /// `enqueued`, in the stage `parts`.
     #[schema(inline)]
     pub parts: Option<PartsDone>,
     /// Of a part, the job that it is a part of; null for others.
@@ -447,20 +449,22 @@ pub struct BasisResource {
     pub summary: BasisSummary,
     /// m eigenvalues, ascending, in 1/length² of the mesh.
     pub eigenvalues: Vec<f64>,
-    /// How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh,
-    /// how many vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
+    /// How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`,
+    /// what was found of the mesh, how many vertices are no unknowns; of a solid also its `domain`, `solid` or
+    /// `surface_of_solid`. Null where the kind has no such choice.
     #[schema(value_type = Option<Object>)]
     pub operator: Value,
-    /// What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped. Of a field
-    /// basis: of the lowest eigenvalues `estimates` of their errors, `bounds`, and whether they are as good as is usual, in `accuracy`. Null where
-    /// nothing is.
+    /// What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether
+    /// nothing was skipped. Of a field basis: of the lowest eigenvalues `estimates` of their errors, `bounds`, and
+    /// whether they are as good as is usual, in `accuracy`. Null where nothing is.
     #[schema(value_type = Option<Object>)]
     pub certificate: Value,
-    /// What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the harmonic fields
-    /// of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how consistent
-    /// they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems, and
-    /// `measured_on`, of what measured its errors.
-    /// Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of what and why. Null where there is nothing of this.
+    /// What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`,
+    /// `dense_columns` (for the harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps:
+    /// `bases`, `meshes` and `vertices` of the shapes, and how consistent they are, `cycles`. Of any kind, where a
+    /// graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems, and
+    /// `measured_on`, of what measured its errors. Of eigenpairs, where a faster way was given up for a surer one:
+    /// `fallbacks`, a list of what and why. Null where there is nothing of this.
     #[schema(value_type = Option<Object>)]
     pub details: Value,
 }

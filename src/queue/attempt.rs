@@ -58,8 +58,9 @@ pub(super) enum Threads {
     Occupied,
 }
 
-/// Runs one attempt to its end. The job is left in a state that tells the truth, or its lease runs out.
-/// `memory` is held until the work has ended, left behind or not, and its result is stored; `events` are those since before the claim.
+/// Runs one attempt to its end. The job is left in a state that tells the truth, or its lease runs out. `memory` is
+/// held until the work has ended, left behind or not, and its result is stored; `events` are those since before the
+/// claim.
 pub(super) async fn run(
     shared: &Arc<Shared>,
     claim: Claim,
@@ -124,7 +125,8 @@ fn too_large(job: &JobRecord, total: u64) -> Option<JobProblem> {
     (needed > total).then(|| JobProblem { kind: "job-too-large".to_owned(), detail })
 }
 
-/// Begins the work on the worker's threads. Its memory is held until it has ended, whether or not anybody waits for it any more.
+/// Begins the work on the worker's threads. Its memory is held until it has ended, whether or not anybody waits for it
+/// any more.
 fn begin(
     shared: &Arc<Shared>,
     job: &JobRecord,
@@ -267,8 +269,8 @@ impl UnderWay<'_> {
     }
 }
 
-/// Loads what a job is about. A storage that others share and that does not answer is waited for while the lease holds: an attempt that has not begun
-/// is not used up. `None` where it has ended meanwhile.
+/// Loads what a job is about. A storage that others share and that does not answer is waited for while the lease holds:
+/// an attempt that has not begun is not used up. `None` where it has ended meanwhile.
 async fn load_subject(
     shared: &Shared,
     job: &JobRecord,
@@ -385,7 +387,8 @@ async fn settle(shared: &Shared, kind: &str, ending: Ending, token: Uuid) {
             Ok(FailAnswer::Retried) => return shared.observer.retried(kind),
             Ok(FailAnswer::Finished(status)) => return shared.observer.finished(kind, status),
             Ok(FailAnswer::Lost) => return shared.observer.lease_lost(kind),
-            // A server that stops does not wait for a storage that refuses: it looks for such leases when it starts again.
+            // A server that stops does not wait for a storage that refuses: it looks for such leases when it starts
+            // again.
             Err(error) if Instant::now() < deadline && error.is_retryable() && !*shared.give_back.borrow() => {
                 tracing::warn!(%error, "the end of an attempt could not be written down yet");
                 tokio::time::sleep(STORE_PAUSE).await;

@@ -1,4 +1,5 @@
-//! What a worker does about a job that asks to be divided: it makes the plan, or joins the parts, as the records call for.
+//! What a worker does about a job that asks to be divided: it makes the plan, or joins the parts, as the records call
+//! for.
 
 use chladni_spectral::basis::{EIGENBASIS_PART, ProductKind};
 use chladni_work::packed::Packed;
@@ -79,8 +80,9 @@ async fn workers(store: &Store, options: &WorkerOptions) -> Result<u64, StoreErr
     Ok(seats.max(if takes(&options.kinds) { options.workers as u64 } else { 0 }))
 }
 
-/// What becomes of a job that turned out to need more memory than it was promised. One that was to be divided was promised what it takes to plan and
-/// join, and goes to whoever has room for one piece; another gets no more than it asked for.
+/// What becomes of a job that turned out to need more memory than it was promised. One that was to be divided was
+/// promised what it takes to plan and join, and goes to whoever has room for one piece; another gets no more than it
+/// asked for.
 pub(super) async fn enlarged(shared: &Shared, job: &JobRecord, bytes: u64, detail: String) -> Ending {
     if !asks(job) || bytes <= job.memory_bytes {
         return Ending::Failed(JobProblem { kind: MEMORY_EXCEEDED.to_owned(), detail }, false);

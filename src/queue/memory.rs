@@ -1,4 +1,5 @@
-//! The memory that running jobs may take together, by estimate: what does not fit waits, so that nothing is killed for want of it.
+//! The memory that running jobs may take together, by estimate: what does not fit waits, so that nothing is killed for
+//! want of it.
 
 use std::{
     sync::{
@@ -51,7 +52,8 @@ impl Budget {
         self.total
     }
 
-    /// Claims the next job if there is memory for it. A job that would never fit is claimed once nothing runs, so that it can be told.
+    /// Claims the next job if there is memory for it. A job that would never fit is claimed once nothing runs, so that
+    /// it can be told.
     pub async fn claim(
         self: &Arc<Self>,
         worker: &str,

@@ -36,8 +36,8 @@ pub struct WorkerOptions {
     pub stall: Duration,
     /// The kinds of job that are claimed; all where it is empty.
     pub kinds: Vec<String>,
-    /// Bytes of memory that running jobs may need together, by their estimates. A job that does not fit beside those that run waits,
-    /// and so do those behind it.
+    /// Bytes of memory that running jobs may need together, by their estimates. A job that does not fit beside those
+    /// that run waits, and so do those behind it.
     pub memory: u64,
     /// Whether the runner does each job in a process of its own.
     pub isolated: bool,
@@ -62,8 +62,8 @@ impl Default for WorkerOptions {
 const IDLE: Duration = Duration::from_millis(500);
 /// A process whom the storage refuses asks this often whether it is let in, and takes no jobs until then.
 const REFUSED_PAUSE: Duration = Duration::from_secs(5);
-/// Attempts that hang cannot be ended, only left behind, and each keeps its threads and memory: with so many, no more jobs
-/// are claimed.
+/// Attempts that hang cannot be ended, only left behind, and each keeps its threads and memory: with so many, no more
+/// jobs are claimed.
 const MOST_LEFT_BEHIND: usize = 4;
 
 /// What workers and attempts share.
@@ -132,8 +132,8 @@ impl std::fmt::Debug for WorkerPool {
 impl WorkerPool {
     /// Starts the workers and the reaper on the current tokio runtime.
     ///
-    /// Each worker has a rayon pool of its own. In a shared one, a thread of one job that waits for its own parts would take
-    /// up the whole of another job in the meantime, and be silent until that ends.
+    /// Each worker has a rayon pool of its own. In a shared one, a thread of one job that waits for its own parts would
+    /// take up the whole of another job in the meantime, and be silent until that ends.
     pub fn start(
         store: Store,
         options: WorkerOptions,
@@ -184,8 +184,8 @@ impl WorkerPool {
             && self.shared.hanging() < MOST_LEFT_BEHIND
     }
 
-    /// Claims nothing more, lets running jobs go on for `limit`, then gives what still runs back to the queue. Work that does
-    /// not stop at once is left behind; its result is void.
+    /// Claims nothing more, lets running jobs go on for `limit`, then gives what still runs back to the queue. Work
+    /// that does not stop at once is left behind; its result is void.
     pub async fn drain(&self, limit: Duration) {
         self.shared.stopping.send_replace(true);
         let ended = async {
@@ -274,8 +274,8 @@ fn thread_pool(worker: usize, threads: usize) -> Result<rayon::ThreadPool, rayon
         .build()
 }
 
-/// Lets the threads that answer requests go first: beside a nice value of 10 the default one gets nine tenths of a core that both want, and is not
-/// kept waiting. The threads of jobs lose nothing where nobody else wants the core.
+/// Lets the threads that answer requests go first: beside a nice value of 10 the default one gets nine tenths of a core
+/// that both want, and is not kept waiting. The threads of jobs lose nothing where nobody else wants the core.
 fn give_way() {
     // On Linux the calling thread alone is meant.
     #[cfg(target_os = "linux")]

@@ -58,7 +58,8 @@ pub trait Runner: Send + Sync + 'static {
         Err(not_run(job))
     }
 
-    /// Makes the plan of a job that asks to be divided, where so many parts may be solved at once, or does it in one piece where it is not to be.
+    /// Makes the plan of a job that asks to be divided, where so many parts may be solved at once, or does it in one
+    /// piece where it is not to be.
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -110,8 +111,8 @@ fn not_run(job: &JobRecord) -> JobFailure {
     JobFailure::Failed { kind: "invalid-parameters".to_owned(), detail, retryable: false }
 }
 
-/// A monitor that also tells whoever passes on what others say: whether the work is cancelled, which is no sign of life, and stages whose names
-/// come from elsewhere.
+/// A monitor that also tells whoever passes on what others say: whether the work is cancelled, which is no sign of
+/// life, and stages whose names come from elsewhere.
 pub trait Watch: Monitor {
     /// Whether the work was asked to stop.
     fn is_cancelled(&self) -> bool;

@@ -202,7 +202,8 @@ fn solve(
     Ok(Outcome::Product(product))
 }
 
-/// Numerical work is deterministic: another attempt at the same input would fail in the same way, unless that could not be read.
+/// Numerical work is deterministic: another attempt at the same input would fail in the same way, unless that could not
+/// be read.
 fn failure(error: JobError) -> JobFailure {
     match error {
         JobError::Cancelled(cancelled) => JobFailure::Cancelled(cancelled),

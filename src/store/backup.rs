@@ -1,9 +1,9 @@
 //! Backups of a folder that may be in use: docs/decisions/0027.
 //!
-//! A backup is a data folder itself, with both databases and nothing beside them. Content that it has already is not copied again. Most content is
-//! copied without holding anything; then one moment of both databases is held, the records are copied from it with the content that is still
-//! missing, and the new records take the place of the old ones in one step. Whenever this ends, the folder holds a whole backup: this one or the
-//! one before.
+//! A backup is a data folder itself, with both databases and nothing beside them. Content that it has already is not
+//! copied again. Most content is copied without holding anything; then one moment of both databases is held, the
+//! records are copied from it with the content that is still missing, and the new records take the place of the old
+//! ones in one step. Whenever this ends, the folder holds a whole backup: this one or the one before.
 
 use std::{
     collections::HashSet,
@@ -51,8 +51,8 @@ pub struct BackupReport {
 /// Copies the databases of a data folder, in use or not, into a folder of backups.
 ///
 /// # Errors
-/// [`StoreError::Folder`] where there is no data folder; [`StoreError::FolderInUse`] where another backup runs into the same folder, or a server on
-/// it; [`StoreError::Mismatch`] where it holds the backup of another data folder.
+/// [`StoreError::Folder`] where there is no data folder; [`StoreError::FolderInUse`] where another backup runs into the
+/// same folder, or a server on it; [`StoreError::Mismatch`] where it holds the backup of another data folder.
 pub async fn backup(data: &Path, target: &Path) -> Result<BackupReport, StoreError> {
     for name in [RECORDS, CONTENT] {
         there(&data.join(name))?;
@@ -259,7 +259,8 @@ struct Moment {
     content: i64,
 }
 
-/// Begins a transaction that sees both databases at one moment: nothing came or went between the looks at one and at the other.
+/// Begins a transaction that sees both databases at one moment: nothing came or went between the looks at one and at
+/// the other.
 async fn hold(moment: &mut SqliteConnection, data: &Path) -> Result<Moment, StoreError> {
     let mut outside = connect(&data.join(RECORDS), false).await?;
     for _ in 0..MOST_TRIES {

@@ -26,7 +26,8 @@ use super::{
     to_json,
 };
 
-/// A compact basis of so many bytes is written as it is encoded. A smaller one is encoded first: then it is known whether it is there already.
+/// A compact basis of so many bytes is written as it is encoded. A smaller one is encoded first: then it is known
+/// whether it is there already.
 const STREAMED_FROM: u64 = 256 << 20;
 
 impl Store {
@@ -56,8 +57,8 @@ impl Store {
             .await
     }
 
-    /// Deletes a basis, and the fields that were designed in it. The job that made it stays on record without it; equal work is done anew when it is
-    /// asked for.
+    /// Deletes a basis, and the fields that were designed in it. The job that made it stays on record without it; equal
+    /// work is done anew when it is asked for.
     ///
     /// # Errors
     /// [`StoreError::NotFound`]; [`StoreError::BasisInUse`] where a job needs it that waits or runs.
@@ -104,8 +105,9 @@ impl Store {
         self.delete_unreferenced(&hashes).await
     }
 
-    /// A decoded product, from the cache or verified and decoded once however many ask. Of a dense eigenbasis everything but its
-    /// eigenfunctions, which are read and verified chunk by chunk when they are needed, on threads that may block.
+    /// A decoded product, from the cache or verified and decoded once however many ask. Of a dense eigenbasis
+    /// everything but its eigenfunctions, which are read and verified chunk by chunk when they are needed, on threads
+    /// that may block.
     ///
     /// # Errors
     /// [`StoreError::NotFound`]; [`StoreError::Damaged`] where the content does not verify.
@@ -215,7 +217,8 @@ impl Store {
     }
 }
 
-/// Inserts the record of a basis for each row of a job, of a table or what stands in its place. The values are those of [`WrittenBasis::bind`].
+/// Inserts the record of a basis for each row of a job, of a table or what stands in its place. The values are those of
+/// [`WrittenBasis::bind`].
 macro_rules! insert {
     ($job:literal) => {
         concat!(
@@ -243,8 +246,9 @@ pub(super) struct WrittenBasis {
 }
 
 impl Store {
-    /// Writes the content of a product. Deterministic, so that equal ones have equal hashes. `None` where the attempt that holds the lease
-    /// `token` is not wanted any more. The caller holds `blob_use` for reading until something refers to the content.
+    /// Writes the content of a product. Deterministic, so that equal ones have equal hashes. `None` where the attempt
+    /// that holds the lease `token` is not wanted any more. The caller holds `blob_use` for reading until something
+    /// refers to the content.
     pub(super) async fn put_product(
         &self,
         token: Uuid,
@@ -289,8 +293,8 @@ impl Store {
 }
 
 impl WrittenBasis {
-    /// Writes the record down as the result of a job. A job that was done anew, because its basis was damaged, gives the basis its old
-    /// identifier.
+    /// Writes the record down as the result of a job. A job that was done anew, because its basis was damaged, gives
+    /// the basis its old identifier.
     pub async fn insert(
         &self,
         transaction: &mut Transaction,

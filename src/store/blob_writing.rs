@@ -1,5 +1,5 @@
-//! Content as it is written: pending until every chunk is verified, then ready under its hash. What a storage that many processes share does not take
-//! at once is waited for, where it was computed.
+//! Content as it is written: pending until every chunk is verified, then ready under its hash. What a storage that many
+//! processes share does not take at once is waited for, where it was computed.
 
 use std::time::Duration;
 
@@ -91,10 +91,10 @@ impl Store {
         }
     }
 
-    /// Writes content as it is made, under a hash that is known only at the end. `make` runs on a thread that may block and gets a
-    /// writer; what it returns comes back beside the hash and the number of bytes. `expected` is about how many bytes there will be.
-    /// `None` where the attempt that holds the lease `token` is not wanted any more, which is looked after between transactions. The
-    /// caller holds `blob_use` for reading until something refers to the blob.
+    /// Writes content as it is made, under a hash that is known only at the end. `make` runs on a thread that may block
+    /// and gets a writer; what it returns comes back beside the hash and the number of bytes. `expected` is about how
+    /// many bytes there will be. `None` where the attempt that holds the lease `token` is not wanted any more, which is
+    /// looked after between transactions. The caller holds `blob_use` for reading until something refers to the blob.
     pub(super) async fn put_made<T: Send + 'static>(
         &self,
         expected: u64,
@@ -139,8 +139,8 @@ impl Store {
         Ok(Some((made, hash, bytes)))
     }
 
-    /// Tries again for minutes what a storage does not answer that processes share: it may be restarting, and what was computed is worth some
-    /// waiting.
+    /// Tries again for minutes what a storage does not answer that processes share: it may be restarting, and what was
+    /// computed is worth some waiting.
     pub(super) async fn patiently<'a, T>(
         &self,
         mut call: impl FnMut() -> BoxFuture<'a, Result<T, StoreError>>,
@@ -242,7 +242,8 @@ impl Store {
         Ok(())
     }
 
-    /// Makes a blob ready, in the place of a damaged one. Of chunks, what was written is read back before; an object store has verified each part.
+    /// Makes a blob ready, in the place of a damaged one. Of chunks, what was written is read back before; an object
+    /// store has verified each part.
     pub(super) async fn finish_blob(&self, writing: &mut Writing, hash: &str, bytes: u64) -> Result<(), StoreError> {
         match (&self.inner.blobs, writing) {
             (Blobs::Chunks(blobs), Writing::Chunks { id, .. }) => self.finish_chunks(blobs, *id, hash, bytes).await?,

@@ -1,5 +1,5 @@
-//! Content by hash, in chunks: pending while it is written, ready once every chunk is verified. It lies in a database of SQLite in the data folder
-//! or, where many processes share it, in an object store.
+//! Content by hash, in chunks: pending while it is written, ready once every chunk is verified. It lies in a database
+//! of SQLite in the data folder or, where many processes share it, in an object store.
 
 use std::ops::Range;
 
@@ -97,8 +97,8 @@ impl Store {
         })
     }
 
-    /// A range of a blob, chunk by chunk. No read transaction is open between chunks, so a slow reader holds nothing; a blob
-    /// that is deleted meanwhile ends the stream with an error.
+    /// A range of a blob, chunk by chunk. No read transaction is open between chunks, so a slow reader holds nothing; a
+    /// blob that is deleted meanwhile ends the stream with an error.
     pub fn blob_stream(
         &self,
         hash: &str,
@@ -129,8 +129,8 @@ impl Store {
         })
     }
 
-    /// An address that gives a whole blob to whoever has it, for some minutes, straight from the object store; `None` where there is none that signs
-    /// addresses. The media type and the name of the file are those of the answer.
+    /// An address that gives a whole blob to whoever has it, for some minutes, straight from the object store; `None`
+    /// where there is none that signs addresses. The media type and the name of the file are those of the answer.
     ///
     /// # Errors
     /// [`StoreError::NotFound`] where no ready blob has this hash.
@@ -272,8 +272,8 @@ impl Store {
         Ok(references > 0)
     }
 
-    /// Deletes blobs that nothing refers to, of those given; where others may be about to refer to them, they are condemned and deleted later. The
-    /// caller holds `blob_use` for writing.
+    /// Deletes blobs that nothing refers to, of those given; where others may be about to refer to them, they are
+    /// condemned and deleted later. The caller holds `blob_use` for writing.
     pub(super) async fn delete_unreferenced(&self, hashes: &[String]) -> Result<(), StoreError> {
         let blobs = match &self.inner.blobs {
             Blobs::Chunks(blobs) => blobs,

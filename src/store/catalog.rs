@@ -1,5 +1,6 @@
-//! Where the records are kept: a database of SQLite in the data folder, or a PostgreSQL that many processes share. What is done with them is written
-//! once, in statements that both read; where the two differ, it is asked of this: docs/decisions/0072.
+//! Where the records are kept: a database of SQLite in the data folder, or a PostgreSQL that many processes share. What
+//! is done with them is written once, in statements that both read; where the two differ, it is asked of this:
+//! docs/decisions/0072.
 
 #[cfg(feature = "cluster")]
 use sqlx::AssertSqlSafe;

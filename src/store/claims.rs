@@ -37,11 +37,11 @@ pub struct Company {
     pub others: bool,
     /// Each job has a process of its own, and takes no other with it when it crashes.
     pub isolated: bool,
-    /// The most memory that the worker has for jobs when nothing runs. Where workers share the records, a job that needs more is left to a larger
-    /// one.
+    /// The most memory that the worker has for jobs when nothing runs. Where workers share the records, a job that
+    /// needs more is left to a larger one.
     pub total_bytes: u64,
-    /// The version of the worker's solver. Where workers share the records, jobs of a newer one are left to others: a result is known by the version
-    /// that was asked for.
+    /// The version of the worker's solver. Where workers share the records, jobs of a newer one are left to others: a
+    /// result is known by the version that was asked for.
     pub solver_version: Option<&'static str>,
 }
 
@@ -61,9 +61,10 @@ impl Store {
         self.claim_within(worker, kinds, lease, u64::MAX, Company::default()).await
     }
 
-    /// Claims the job that [`claim`](Self::claim) would, if it needs no more memory than `most_bytes`, and, where the worker is beside others, if it
-    /// is not under suspicion of having crashed a process that they share. One that does not fit is waited for: none behind it is taken in its stead,
-    /// or a stream of small jobs would keep a large one waiting for ever.
+    /// Claims the job that [`claim`](Self::claim) would, if it needs no more memory than `most_bytes`, and, where the
+    /// worker is beside others, if it is not under suspicion of having crashed a process that they share. One that does
+    /// not fit is waited for: none behind it is taken in its stead, or a stream of small jobs would keep a large one
+    /// waiting for ever.
     ///
     /// # Errors
     /// [`StoreError::Busy`] and its kin.
@@ -101,8 +102,8 @@ impl Store {
     ) -> QueryBuilder {
         let now_ms = self.now_ms();
         let shared = self.inner.catalog.is_shared();
-        // Rows that another claim holds are passed over, and the one that is chosen stays locked: of a choice in a plain subquery, two claims that wait
-        // for each other would both take the same row.
+        // Rows that another claim holds are passed over, and the one that is chosen stays locked: of a choice in a
+        // plain subquery, two claims that wait for each other would both take the same row.
         let mut query = QueryBuilder::new(if shared { "WITH next AS MATERIALIZED (" } else { "" });
         if shared {
             push_next(&mut query, kinds, now_ms, Some(company));
@@ -139,8 +140,9 @@ impl Store {
     }
 }
 
-/// The job that is next, for a worker of these kinds. One who shares the records with others is given only what it can ever do, and takes over from
-/// workers whose leases ran out, as long as attempts are left; the rest of those is for the reaper.
+/// The job that is next, for a worker of these kinds. One who shares the records with others is given only what it can
+/// ever do, and takes over from workers whose leases ran out, as long as attempts are left; the rest of those is for
+/// the reaper.
 fn push_next(query: &mut QueryBuilder, kinds: &[String], now_ms: i64, shared: Option<Company>) {
     query.push("SELECT sequence FROM jobs WHERE ");
     let waits = |query: &mut QueryBuilder| {

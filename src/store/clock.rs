@@ -18,7 +18,8 @@ enum Hands {
     #[default]
     System,
     Manual(Arc<AtomicI64>),
-    /// What is added to the milliseconds since the process first asked, which no setting of the machine's clock changes.
+    /// What is added to the milliseconds since the process first asked, which no setting of the machine's clock
+    /// changes.
     Shared(Arc<AtomicI64>),
 }
 

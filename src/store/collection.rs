@@ -9,8 +9,8 @@ use uuid::Uuid;
 
 use super::{CollectedShape, Store, StoreError, meshes};
 
-/// The head of shapes on their way to a process: of each follow the identifiers of basis and mesh, the mesh and the basis, with its length before
-/// each.
+/// The head of shapes on their way to a process: of each follow the identifiers of basis and mesh, the mesh and the
+/// basis, with its length before each.
 pub(super) const MAGIC: &[u8; 8] = b"CHLSHAP1";
 
 /// Writes shapes, one after the other, so that no more than one of them is there as bytes.

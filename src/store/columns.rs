@@ -1,4 +1,5 @@
-//! Dense bases: written as they come, with no second copy in memory, and read in chunks of columns, each verified by its own hash.
+//! Dense bases: written as they come, with no second copy in memory, and read in chunks of columns, each verified by
+//! its own hash.
 
 use std::sync::{Arc, Weak};
 
@@ -46,8 +47,8 @@ impl ColumnSource for StoredColumns {
 }
 
 impl Store {
-    /// Writes the content of a dense basis. Its chunks are given up one by one, so that memory falls while the disk fills. `None` where
-    /// the attempt that holds the lease `token` is not wanted any more.
+    /// Writes the content of a dense basis. Its chunks are given up one by one, so that memory falls while the disk
+    /// fills. `None` where the attempt that holds the lease `token` is not wanted any more.
     pub(super) async fn put_dense(
         &self,
         token: Uuid,

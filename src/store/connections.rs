@@ -1,6 +1,7 @@
-//! Connections to PostgreSQL that have just been used, kept at hand for the next statement. The pool asks a connection whether it lives before it
-//! hands it out and again when it gets it back, and opens another for whoever comes meanwhile: statements that follow each other would go there and
-//! back three times each, by several connections in turn.
+//! Connections to PostgreSQL that have just been used, kept at hand for the next statement. The pool asks a connection
+//! whether it lives before it hands it out and again when it gets it back, and opens another for whoever comes
+//! meanwhile: statements that follow each other would go there and back three times each, by several connections in
+//! turn.
 
 use std::{
     fmt,

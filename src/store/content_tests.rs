@@ -60,7 +60,8 @@ pub(super) async fn fields_are_kept_once_and_go_with_their_mesh_or_their_basis()
         let refused = store.add_field(wrong).await.unwrap_err();
         assert!(matches!(&refused, StoreError::NotFound { resource: own, .. } if *own == resource), "{refused}");
     }
-    // A basis that is made anew keeps its fields; one that is deleted takes them with it, and leaves content that others have.
+    // A basis that is made anew keeps its fields; one that is deleted takes them with it, and leaves content that
+    // others have.
     match store.delete_mesh(&mesh, false).await {
         Err(StoreError::MeshInUse { unfinished_jobs: 0, bases: 1, fields: 3, .. }) => {}
         other => panic!("{other:?}"),

@@ -32,8 +32,8 @@ pub(super) struct DatabaseSettings {
     pub readers: u32,
 }
 
-/// One database. SQLite has one writer at a time: writers queue for its connection in memory, fairly, and not for a file
-/// lock with sleeps.
+/// One database. SQLite has one writer at a time: writers queue for its connection in memory, fairly, and not for a
+/// file lock with sleeps.
 #[derive(Debug)]
 pub(super) struct Database {
     writer: SqlitePool,
@@ -152,9 +152,9 @@ impl Database {
 
 /// A write transaction. Dropped before [`commit`](Self::commit), it closes its connection, which rolls back.
 ///
-/// Own statements instead of sqlx's `Transaction`: where SQLite itself rolls back (a full disk does that), the `ROLLBACK`
-/// that sqlx sends afterwards fails, its count of open transactions stays at one, and the connection can never begin
-/// another. With a single writing connection that would end all writing.
+/// Own statements instead of sqlx's `Transaction`: where SQLite itself rolls back (a full disk does that), the
+/// `ROLLBACK` that sqlx sends afterwards fails, its count of open transactions stays at one, and the connection can
+/// never begin another. With a single writing connection that would end all writing.
 pub(super) struct WriteTransaction {
     connection: PoolConnection<sqlx::Sqlite>,
     finished: bool,

@@ -1,8 +1,9 @@
 //! What becomes of jobs whose process died: docs/decisions/0028.
 //!
-//! A process that is killed, or loses power, is no fault of the job: the attempt does not count. A process that crashed, as its mark tells, may well
-//! be the job's doing: such a job runs alone from then on, and when it crashes a process again, it is quarantined. Where jobs have processes of their
-//! own, a death is known to be the job's, and nothing has to run alone.
+//! A process that is killed, or loses power, is no fault of the job: the attempt does not count. A process that
+//! crashed, as its mark tells, may well be the job's doing: such a job runs alone from then on, and when it crashes a
+//! process again, it is quarantined. Where jobs have processes of their own, a death is known to be the job's, and
+//! nothing has to run alone.
 
 use std::path::PathBuf;
 
@@ -19,7 +20,8 @@ use super::{
 
 /// A job that crashed its process so often is given up.
 const MOST_DEATHS: i64 = 2;
-/// A job whose process went away so often without a word is given up as well: one that takes all memory has its server killed each time.
+/// A job whose process went away so often without a word is given up as well: one that takes all memory has its server
+/// killed each time.
 const MOST_INTERRUPTIONS: i64 = 20;
 /// From so many on it runs alone, after a pause.
 pub(super) const SUSPICIOUS_INTERRUPTIONS: i64 = 3;
@@ -62,8 +64,8 @@ impl Store {
         Ok(reaped)
     }
 
-    /// Ends an attempt whose own process died, while the server lives. It is no attempt; the job is tried again after a pause, and quarantined when
-    /// that happens for the second time.
+    /// Ends an attempt whose own process died, while the server lives. It is no attempt; the job is tried again after a
+    /// pause, and quarantined when that happens for the second time.
     ///
     /// # Errors
     /// [`StoreError::Busy`] and its kin.

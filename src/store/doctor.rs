@@ -45,8 +45,8 @@ pub struct Finding {
 }
 
 impl Store {
-    /// Examines everything. With `repair`, bases whose content is damaged are enqueued to be solved anew, references to nothing are
-    /// cleared, and damaged content that nothing refers to is deleted; nothing whole is touched.
+    /// Examines everything. With `repair`, bases whose content is damaged are enqueued to be solved anew, references to
+    /// nothing are cleared, and damaged content that nothing refers to is deleted; nothing whole is touched.
     ///
     /// # Errors
     /// Where a database cannot be read at all.

@@ -130,7 +130,8 @@ pub enum StoreError {
         /// What does not fit.
         detail: String,
     },
-    /// The content of a mesh or basis is missing, or not what was stored. Sending or solving the same again writes it anew.
+    /// The content of a mesh or basis is missing, or not what was stored. Sending or solving the same again writes it
+    /// anew.
     #[error("{DAMAGE} {hash}: {how}")]
     Damaged {
         /// The hash of the content.
@@ -182,8 +183,8 @@ pub enum StoreError {
         /// What the operating system said.
         source: std::io::Error,
     },
-    /// The database or the object store answers, and refuses: by keys, a password or rights that are wrong, or for want of the bucket or the
-    /// database. Only who runs the service can change that, so that nothing is tried again.
+    /// The database or the object store answers, and refuses: by keys, a password or rights that are wrong, or for want
+    /// of the bucket or the database. Only who runs the service can change that, so that nothing is tried again.
     #[error("the storage refuses: {detail}")]
     Refused {
         /// What it said.
@@ -260,11 +261,13 @@ enum Trouble {
     Other,
 }
 
-/// Codes of five characters are SQLSTATEs: <https://www.postgresql.org/docs/current/errcodes-appendix.html>. SQLite's have at most four digits.
+/// Codes of five characters are SQLSTATEs: <https://www.postgresql.org/docs/current/errcodes-appendix.html>. SQLite's
+/// have at most four digits.
 fn trouble(code: &str) -> Trouble {
     if code.len() == 5 {
         return match code {
-            // Serialization failure, deadlock, no lock in time, too many connections; and a row that another process was faster with.
+            // Serialization failure, deadlock, no lock in time, too many connections; and a row that another process
+            // was faster with.
             "40001" | "40P01" | "55P03" | "53300" | "23505" => Trouble::Busy,
             "53100" => Trouble::Full,
             // Damaged data or index.

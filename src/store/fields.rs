@@ -1,4 +1,5 @@
-//! Fields with a row for each face of a mesh: uploaded tables, and fields that were designed; known by their content, each stored once.
+//! Fields with a row for each face of a mesh: uploaded tables, and fields that were designed; known by their content,
+//! each stored once.
 
 use std::sync::Arc;
 
@@ -32,10 +33,12 @@ pub(super) async fn take(on: &mut Transaction, of: Of, id: &str) -> Result<Vec<S
 }
 
 impl Store {
-    /// Stores a field, or finds it where an equal one is known. The name of a known one stays as it was; content that was damaged is written anew.
+    /// Stores a field, or finds it where an equal one is known. The name of a known one stays as it was; content that
+    /// was damaged is written anew.
     ///
     /// # Errors
-    /// [`StoreError::NotFound`] where the mesh or the basis is not there; [`StoreError::StorageFull`], [`StoreError::Busy`].
+    /// [`StoreError::NotFound`] where the mesh or the basis is not there; [`StoreError::StorageFull`],
+    /// [`StoreError::Busy`].
     pub async fn add_field(&self, new: NewField) -> Result<Stored<FieldRecord>, StoreError> {
         let store = self.clone();
         detached(async move { store.add_field_now(new).await }).await

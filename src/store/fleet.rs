@@ -1,4 +1,5 @@
-//! Who takes jobs, where many processes share the records: each tells what it has, and is known for as long as it is heard of.
+//! Who takes jobs, where many processes share the records: each tells what it has, and is known for as long as it is
+//! heard of.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -95,8 +96,8 @@ impl Store {
         Ok(())
     }
 
-    /// The most memory that any process has that takes jobs of a kind, in bytes; `None` where this one is alone, or no such process is known. An
-    /// answer of the last second will do where it has room for `needed` bytes.
+    /// The most memory that any process has that takes jobs of a kind, in bytes; `None` where this one is alone, or no
+    /// such process is known. An answer of the last second will do where it has room for `needed` bytes.
     ///
     /// # Errors
     /// [`StoreError::Unavailable`] and its kin.

@@ -1,8 +1,9 @@
 //! The data folder: made where it is missing, held by one process, watched for space.
 //!
-//! What is locked is `meta.db` itself, so that no second process comes in where somebody deletes a lock file; and the file `lock` beside it, which
-//! is there before a database is, and which earlier versions look at. The lock is another one than those of SQLite. Closing the file gives
-//! up SQLite's locks of this process as well, so it is closed after the databases.
+//! What is locked is `meta.db` itself, so that no second process comes in where somebody deletes a lock file; and the
+//! file `lock` beside it, which is there before a database is, and which earlier versions look at. The lock is another
+//! one than those of SQLite. Closing the file gives up SQLite's locks of this process as well, so it is closed after
+//! the databases.
 
 use std::{
     fs::{File, OpenOptions, TryLockError},
@@ -13,8 +14,8 @@ use std::{
 
 use super::StoreError;
 
-/// How often a lock that somebody holds is tried, and the pause between. A process that is about to execute another program holds the locks of the
-/// one that it was forked from until then, even if that has ended or closed its files.
+/// How often a lock that somebody holds is tried, and the pause between. A process that is about to execute another
+/// program holds the locks of the one that it was forked from until then, even if that has ended or closed its files.
 const TRIES: u32 = 20;
 const PAUSE: Duration = Duration::from_millis(10);
 

@@ -1,9 +1,11 @@
 //! What processes that share the records tell each other of jobs: docs/decisions/0075 and 0103.
 //!
-//! That a job is enqueued or to be stopped is told by `NOTIFY`, after the commit and in a transaction of its own: one that notifies takes a lock of
-//! the whole server when it commits. Each process listens on one connection. How a job that somebody waits for comes along is looked for many times a
-//! second: a message for each end would wake every process that listens, whatever the channel, for the sake of the one that is waited for. Behind
-//! both, once a second, each process looks at the jobs that run or have changed lately: whatever was not heard otherwise is heard of that way.
+//! That a job is enqueued or to be stopped is told by `NOTIFY`, after the commit and in a transaction of its own: one
+//! that notifies takes a lock of the whole server when it commits. Each process listens on one connection. How a job
+//! that somebody waits for comes along is looked for many times a second: a message for each end would wake every
+//! process that listens, whatever the channel, for the sake of the one that is waited for. Behind both, once a second,
+//! each process looks at the jobs that run or have changed lately: whatever was not heard otherwise is heard of that
+//! way.
 
 use std::{
     collections::{HashMap, hash_map::Entry},
@@ -24,9 +26,11 @@ use super::{Inner, JobEvent, JobStatus, Store, StoreError, jobs, sql};
 const WORK: &str = "chladni_work";
 /// A message of PostgreSQL has 8000 bytes at most.
 const MOST_MESSAGE_BYTES: usize = 7000;
-/// What comes within so long of a message that was told waits for the next one, so that listeners wake once for many jobs.
+/// What comes within so long of a message that was told waits for the next one, so that listeners wake once for many
+/// jobs.
 const BETWEEN_MESSAGES: Duration = Duration::from_millis(20);
-/// Where messages go on without a pause, they come to be so far apart: workers that are kept busy need not be told of more.
+/// Where messages go on without a pause, they come to be so far apart: workers that are kept busy need not be told of
+/// more.
 const BETWEEN_MANY_MESSAGES: Duration = Duration::from_millis(160);
 /// How often a process looks for itself.
 const LOOK: Duration = Duration::from_secs(1);
@@ -36,7 +40,8 @@ const LOOK_AT_WATCHED: Duration = Duration::from_millis(50);
 const PAUSE: Duration = Duration::from_secs(1);
 /// A look goes back so far, in milliseconds: several looks may fail.
 const LATELY_MS: i64 = 10_000;
-/// So many of the processes that work look for a job that was enqueued elsewhere. The others look within half a second anyway, each at its own time.
+/// So many of the processes that work look for a job that was enqueued elsewhere. The others look within half a second
+/// anyway, each at its own time.
 const CALLED: u64 = 4;
 /// Jobs whose revisions are remembered; beyond, all are forgotten, and some changes may be told twice.
 const MOST_REMEMBERED: usize = 10_000;
@@ -62,7 +67,8 @@ impl Drop for Hearing {
 }
 
 impl Hearing {
-    /// Begins to tell, to listen and to look, for as long as the store lives; for what concerns whoever works alone, or for everything.
+    /// Begins to tell, to listen and to look, for as long as the store lives; for what concerns whoever works alone, or
+    /// for everything.
     pub fn start(store: Weak<Inner>, work_alone: bool) -> Self {
         let (told, telling) = mpsc::unbounded_channel();
         let mut tasks = vec![
@@ -123,8 +129,8 @@ impl Hearing {
         self.workers.store(workers, Ordering::Relaxed);
     }
 
-    /// Whether this process is among those that look for a job which was enqueued elsewhere. Were it all of them, each job would be asked for by
-    /// every idle worker, and a database with many had little time for anything else.
+    /// Whether this process is among those that look for a job which was enqueued elsewhere. Were it all of them, each
+    /// job would be asked for by every idle worker, and a database with many had little time for anything else.
     fn is_called(&self, job: Uuid) -> bool {
         let workers = self.workers.load(Ordering::Relaxed).max(1);
         let mut hasher = blake3::Hasher::new();

@@ -1,5 +1,5 @@
-//! Whether the files of a database are still those that were opened. Files that were removed or replaced go on taking writes as long as they are
-//! open, and take them along when they are closed.
+//! Whether the files of a database are still those that were opened. Files that were removed or replaced go on taking
+//! writes as long as they are open, and take them along when they are closed.
 
 use std::{
     path::{Path, PathBuf},

@@ -1,7 +1,8 @@
-//! Whether stored content is what was stored: every chunk is verified when it is read, whole blobs where a client relies on them.
+//! Whether stored content is what was stored: every chunk is verified when it is read, whole blobs where a client
+//! relies on them.
 //!
-//! Damage that is met is noted, so that the next request hears of it before the first byte. An upload or a solve of the same content writes
-//! it anew: see `put_blob` and `enqueue`.
+//! Damage that is met is noted, so that the next request hears of it before the first byte. An upload or a solve of the
+//! same content writes it anew: see `put_blob` and `enqueue`.
 
 use std::{
     collections::{HashMap, HashSet},
@@ -23,7 +24,8 @@ use super::{
 const FRESH: Duration = Duration::from_secs(600);
 /// Blobs that are remembered as verified.
 const MOST_REMEMBERED: usize = 10_000;
-/// So many bytes of a stream are verified before its first byte is sent, so that damage in them is a problem and not a broken connection.
+/// So many bytes of a stream are verified before its first byte is sent, so that damage in them is a problem and not a
+/// broken connection.
 const LOOK_AHEAD: u64 = 64 << 20;
 
 /// What is known of blobs, by their hashes.
@@ -97,8 +99,8 @@ impl Store {
         })
     }
 
-    /// Looks whether a blob is whole as far as that is quickly told: chunks are read and hashed, of objects it is enough that the store has them,
-    /// unless damage was met.
+    /// Looks whether a blob is whole as far as that is quickly told: chunks are read and hashed, of objects it is
+    /// enough that the store has them, unless damage was met.
     ///
     /// # Errors
     /// [`StoreError::Damaged`], also where it is missing.
@@ -195,11 +197,12 @@ impl Store {
         }
     }
 
-    /// Looks at content before it is streamed, so that damage is told instead of a first byte: at all of it up to 64 MiB, else at the beginning.
-    /// The rest is verified as it is streamed.
+    /// Looks at content before it is streamed, so that damage is told instead of a first byte: at all of it up to 64
+    /// MiB, else at the beginning. The rest is verified as it is streamed.
     ///
     /// # Errors
-    /// [`StoreError::Damaged`]; [`StoreError::NotFound`] where nothing refers to it any more; [`StoreError::InvalidRange`].
+    /// [`StoreError::Damaged`]; [`StoreError::NotFound`] where nothing refers to it any more;
+    /// [`StoreError::InvalidRange`].
     pub async fn check_content(&self, hash: &str, range: &Range<u64>) -> Result<(), StoreError> {
         let _in_use = self.inner.blob_use.read().await;
         if self.inner.known.is_damaged(hash) {

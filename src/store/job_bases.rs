@@ -1,4 +1,5 @@
-//! The bases that a job works on, where it works on several shapes: what keeps them from being deleted while it waits or runs.
+//! The bases that a job works on, where it works on several shapes: what keeps them from being deleted while it waits
+//! or runs.
 
 use uuid::Uuid;
 

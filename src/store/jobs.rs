@@ -56,12 +56,13 @@ pub(super) use {columns, returning, select};
 const ONE: &str = select!("WHERE id = ?");
 
 impl Store {
-    /// Enqueues a job once: the same idempotency key gives the job that it gave before, and equal work that waits, runs or is
-    /// done gives that job. Where it is done and its basis is damaged, it is done anew, as the same job with the same basis. It is durable when
-    /// this returns.
+    /// Enqueues a job once: the same idempotency key gives the job that it gave before, and equal work that waits, runs
+    /// or is done gives that job. Where it is done and its basis is damaged, it is done anew, as the same job with the
+    /// same basis. It is durable when this returns.
     ///
     /// # Errors
-    /// [`StoreError::NotFound`] for an unknown mesh, problem or basis, [`StoreError::IdempotencyConflict`], [`StoreError::QueueFull`].
+    /// [`StoreError::NotFound`] for an unknown mesh, problem or basis, [`StoreError::IdempotencyConflict`],
+    /// [`StoreError::QueueFull`].
     pub async fn enqueue(&self, new: NewJob) -> Result<Enqueued, StoreError> {
         let store = self.clone();
         detached(async move {
@@ -114,8 +115,8 @@ impl Store {
         Enqueued { record, outcome: EnqueueOutcome::Created }
     }
 
-    /// Finds or makes the job of a request, within a transaction. `None` where another process was faster with equal work or the same key: then what
-    /// it made is there to be found.
+    /// Finds or makes the job of a request, within a transaction. `None` where another process was faster with equal
+    /// work or the same key: then what it made is there to be found.
     async fn decide(&self, on: &mut Transaction, new: &NewJob, now_ms: i64) -> Result<Option<Enqueued>, StoreError> {
         if let Some(key) = &new.idempotency {
             let known = sql::query("SELECT request_hash, job FROM idempotency_keys WHERE idempotency_key = ?")
@@ -301,7 +302,8 @@ impl Store {
             .collect()
     }
 
-    /// Since when the job waits that waits for longest, of those that may run, in milliseconds since 1970. One that waits for its parts may not.
+    /// Since when the job waits that waits for longest, of those that may run, in milliseconds since 1970. One that
+    /// waits for its parts may not.
     ///
     /// # Errors
     /// [`StoreError::Unavailable`] and its kin.
@@ -356,12 +358,12 @@ impl Store {
         }
     }
 
-    /// Enqueues a failed or cancelled job again, with all its attempts, or one whose basis is gone or damaged. One that waits or runs stays as it
-    /// is.
+    /// Enqueues a failed or cancelled job again, with all its attempts, or one whose basis is gone or damaged. One that
+    /// waits or runs stays as it is.
     ///
     /// # Errors
-    /// [`StoreError::NotFound`], for its mesh, problem or bases too; [`StoreError::JobState`] where it has succeeded, is asked to stop, or
-    /// where equal work is under way as another job; [`StoreError::QueueFull`].
+    /// [`StoreError::NotFound`], for its mesh, problem or bases too; [`StoreError::JobState`] where it has succeeded,
+    /// is asked to stop, or where equal work is under way as another job; [`StoreError::QueueFull`].
     pub async fn retry_job(&self, id: Uuid) -> Result<JobRecord, StoreError> {
         let store = self.clone();
         detached(async move {
@@ -440,8 +442,8 @@ impl Store {
     /// Deletes a job that has ended, with the idempotency keys that stand for it; with `cascade` its basis too.
     ///
     /// # Errors
-    /// [`StoreError::NotFound`]; [`StoreError::JobState`] where it waits or runs, or, without `cascade`, where its basis is stored;
-    /// [`StoreError::BasisInUse`] where another job needs that basis and has not ended.
+    /// [`StoreError::NotFound`]; [`StoreError::JobState`] where it waits or runs, or, without `cascade`, where its
+    /// basis is stored; [`StoreError::BasisInUse`] where another job needs that basis and has not ended.
     pub async fn delete_job(&self, id: Uuid, cascade: bool) -> Result<(), StoreError> {
         let store = self.clone();
         detached(async move { store.delete_job_now(id, cascade).await }).await
@@ -465,7 +467,8 @@ impl Store {
         self.delete_unreferenced(&hashes).await
     }
 
-    /// Deletes the rows of a job, and gives the basis that went with it: its content, and that of the fields designed in it.
+    /// Deletes the rows of a job, and gives the basis that went with it: its content, and that of the fields designed
+    /// in it.
     pub(super) async fn take_job(
         &self,
         on: &mut Transaction,

@@ -1,4 +1,5 @@
-//! When meshes, bases and fields were last used: noted in memory, written down now and then, so that reading does not write.
+//! When meshes, bases and fields were last used: noted in memory, written down now and then, so that reading does not
+//! write.
 
 use std::{
     collections::HashMap,

@@ -1,7 +1,8 @@
-//! The protocol of leases against a model of it: schedules at random of clients, workers that come too late and a clock that jumps. Both kinds of
-//! records have to answer every call as the model does, and to look like it after every step.
+//! The protocol of leases against a model of it: schedules at random of clients, workers that come too late and a clock
+//! that jumps. Both kinds of records have to answer every call as the model does, and to look like it after every step.
 //!
-//! 256 schedules from a fixed seed; `CHLADNI_SCHEDULES=100000` runs more, of which these are the first, and `CHLADNI_SEED=7` others.
+//! 256 schedules from a fixed seed; `CHLADNI_SCHEDULES=100000` runs more, of which these are the first, and
+//! `CHLADNI_SEED=7` others.
 
 use std::cell::Cell;
 

@@ -1,5 +1,5 @@
-//! Jobs as workers see them. A claim (`claims.rs`) gives a lease; every later write carries its token, so a worker that lost its lease
-//! changes nothing.
+//! Jobs as workers see them. A claim (`claims.rs`) gives a lease; every later write carries its token, so a worker that
+//! lost its lease changes nothing.
 
 use std::{
     sync::{Mutex, PoisonError},
@@ -73,7 +73,8 @@ pub struct Reaped {
     pub job: JobRecord,
 }
 
-/// What an earlier try to complete a job has written, if its commit came through: the answer that says so may be lost with the connection.
+/// What an earlier try to complete a job has written, if its commit came through: the answer that says so may be lost
+/// with the connection.
 #[derive(Debug, Default)]
 pub(super) struct Tried(Mutex<Option<(Uuid, i64)>>);
 
@@ -102,7 +103,8 @@ impl Tried {
 }
 
 impl Store {
-    /// Runs a statement that is a whole transaction: where many share the records, it goes there and back once instead of three times.
+    /// Runs a statement that is a whole transaction: where many share the records, it goes there and back once instead
+    /// of three times.
     pub(super) async fn change_one(&self, query: sql::Query) -> Result<Option<sql::Row>, StoreError> {
         if self.is_shared() {
             return Ok(query.fetch_optional(self.inner.catalog.reader()).await?);
@@ -182,7 +184,8 @@ impl Store {
         let (written, answer) = {
             let _in_use = self.inner.blob_use.read().await;
             let written = self.put_product(token, product, numbering).await?;
-            // Nothing is visible where it fails. Where the records are shared, locks are held for a moment and a database that restarts is back soon.
+            // Nothing is visible where it fails. Where the records are shared, locks are held for a moment and a
+            // database that restarts is back soon.
             let tried = Tried::default();
             let answer =
                 self.patiently(|| Box::pin(self.make_visible(token, written.as_ref(), &stage_seconds, &tried))).await;
@@ -270,8 +273,8 @@ impl Store {
         Ok(CompleteAnswer::Stored(id))
     }
 
-    /// Ends an attempt that failed. The job is tried again after a pause where `retryable` is set and attempts are left; one
-    /// that was asked to stop is cancelled.
+    /// Ends an attempt that failed. The job is tried again after a pause where `retryable` is set and attempts are
+    /// left; one that was asked to stop is cancelled.
     ///
     /// # Errors
     /// [`StoreError::Busy`] and its kin.
@@ -316,8 +319,8 @@ impl Store {
         .await
     }
 
-    /// Gives a job back to the queue unharmed, as a worker does that has to stop: the attempt does not count. One that was
-    /// asked to stop is cancelled. False where the lease was lost.
+    /// Gives a job back to the queue unharmed, as a worker does that has to stop: the attempt does not count. One that
+    /// was asked to stop is cancelled. False where the lease was lost.
     ///
     /// # Errors
     /// [`StoreError::Busy`] and its kin.
@@ -325,7 +328,8 @@ impl Store {
         self.release_larger(token, 0).await
     }
 
-    /// The same of a job that turned out to need so many bytes of memory, if that is more than it was promised: whoever has them takes it next.
+    /// The same of a job that turned out to need so many bytes of memory, if that is more than it was promised: whoever
+    /// has them takes it next.
     ///
     /// # Errors
     /// As [`release`](Self::release).
@@ -358,8 +362,8 @@ impl Store {
         .await
     }
 
-    /// Takes jobs from workers whose leases ran out: they are enqueued again after a pause, or failed as `worker-lost` after
-    /// their last attempt. Tends the rest of the house too: what is due now and then.
+    /// Takes jobs from workers whose leases ran out: they are enqueued again after a pause, or failed as `worker-lost`
+    /// after their last attempt. Tends the rest of the house too: what is due now and then.
     ///
     /// # Errors
     /// [`StoreError::Busy`] and its kin.

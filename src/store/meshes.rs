@@ -20,18 +20,20 @@ use chladni_spectral::basis::Product;
 use futures_util::future::BoxFuture;
 use uuid::Uuid;
 
-/// The head of a mesh's canonical content; the counts of vertices and faces follow, u64 little-endian, then positions as
-/// f64 and faces as u32, all little-endian.
+/// The head of a mesh's canonical content; the counts of vertices and faces follow, u64 little-endian, then positions
+/// as f64 and faces as u32, all little-endian.
 const MAGIC: &[u8; 8] = b"CHLMESH1";
-/// The head of a solid's: behind those of its surface come the counts of inner vertices and of tetrahedra, then the positions of both kinds
-/// of vertices, faces and tetrahedra.
+/// The head of a solid's: behind those of its surface come the counts of inner vertices and of tetrahedra, then the
+/// positions of both kinds of vertices, faces and tetrahedra.
 const SOLID_MAGIC: &[u8; 8] = b"CHLSOLI1";
-/// The same two where the file numbers vertices or faces in another way: its numbering comes last. Files of different numbering are different
-/// meshes, though their surfaces be equal, since answers are given in the numbering of the file.
+/// The same two where the file numbers vertices or faces in another way: its numbering comes last. Files of different
+/// numbering are different meshes, though their surfaces be equal, since answers are given in the numbering of the
+/// file.
 const NUMBERED_MAGIC: &[u8; 8] = b"CHLMESH2";
 const NUMBERED_SOLID_MAGIC: &[u8; 8] = b"CHLSOLI2";
-/// The same two where the file has texture coordinates, normals or names: behind the faces or tetrahedra comes the length of the numbering, which may
-/// be none, as u64, then the numbering, then these. They are part of what is stored under an id, since they are given back with the surface.
+/// The same two where the file has texture coordinates, normals or names: behind the faces or tetrahedra comes the
+/// length of the numbering, which may be none, as u64, then the numbering, then these. They are part of what is stored
+/// under an id, since they are given back with the surface.
 const ATTRIBUTED_MAGIC: &[u8; 8] = b"CHLMESH3";
 const ATTRIBUTED_SOLID_MAGIC: &[u8; 8] = b"CHLSOLI3";
 const HEAD_BYTES: usize = 24;
@@ -50,8 +52,8 @@ pub(super) struct Decoded {
 }
 
 impl Store {
-    /// Stores a mesh, or finds it where the same content is known. A name or report of a known mesh stays as it was; content that was damaged is
-    /// written anew.
+    /// Stores a mesh, or finds it where the same content is known. A name or report of a known mesh stays as it was;
+    /// content that was damaged is written anew.
     ///
     /// # Errors
     /// [`StoreError::StorageFull`], [`StoreError::Busy`].
@@ -123,11 +125,12 @@ impl Store {
         row.map(|row| mesh_from_row(&row)).unwrap_or_else(|| Err(unknown_mesh(id)))
     }
 
-    /// Deletes a mesh. With `cascade`, enqueued jobs on it or on its bases are cancelled, running ones asked to stop, and its bases and fields
-    /// deleted. Jobs stay on record.
+    /// Deletes a mesh. With `cascade`, enqueued jobs on it or on its bases are cancelled, running ones asked to stop,
+    /// and its bases and fields deleted. Jobs stay on record.
     ///
     /// # Errors
-    /// [`StoreError::NotFound`]; without `cascade`, [`StoreError::MeshInUse`] where unfinished jobs, bases or fields refer to it.
+    /// [`StoreError::NotFound`]; without `cascade`, [`StoreError::MeshInUse`] where unfinished jobs, bases or fields
+    /// refer to it.
     pub async fn delete_mesh(&self, id: &str, cascade: bool) -> Result<(), StoreError> {
         self.mesh(id).await?;
         self.delete_source(SourceKind::Mesh, id, cascade).await
@@ -230,8 +233,8 @@ impl Store {
         Ok(self.load_decoded(id).await?.mesh)
     }
 
-    /// Where the vertices and faces of the file went that a mesh came from. Of a mesh that was stored before this was, and whose repairs have
-    /// renumbered it, its own numbering is given, as assumed.
+    /// Where the vertices and faces of the file went that a mesh came from. Of a mesh that was stored before this was,
+    /// and whose repairs have renumbered it, its own numbering is given, as assumed.
     ///
     /// # Errors
     /// As [`load_mesh`](Self::load_mesh).
@@ -259,7 +262,8 @@ impl Store {
         }
     }
 
-    /// The numbering of the file that the mesh of a product came from; `None` where the product does not say which mesh that is, or it is gone.
+    /// The numbering of the file that the mesh of a product came from; `None` where the product does not say which mesh
+    /// that is, or it is gone.
     pub(super) async fn numbering_of(&self, product: &Product) -> Result<Option<Arc<Numbering>>, StoreError> {
         let Some(mesh) = product.mesh() else { return Ok(None) };
         match self.load_numbering(mesh).await {
@@ -321,7 +325,8 @@ impl Store {
 }
 
 impl Store {
-    /// The same for a job that is under way: its mesh stays until the job has ended, and nobody need be asked whether it is still there.
+    /// The same for a job that is under way: its mesh stays until the job has ended, and nobody need be asked whether
+    /// it is still there.
     pub(super) async fn load_held_body(
         &self,
         id: &str,
@@ -386,8 +391,8 @@ fn encode(
     bytes
 }
 
-/// Writes a mesh, and the solid whose surface it is, as the store keeps it, without the attributes of its file, and of its numbering which faces are
-/// parts of one polygon.
+/// Writes a mesh, and the solid whose surface it is, as the store keeps it, without the attributes of its file, and of
+/// its numbering which faces are parts of one polygon.
 pub(super) fn write_body(mesh: &TriangleMesh, solid: Option<&TetMesh>, out: &mut impl Write) -> std::io::Result<()> {
     // Polygons are told by the numbering, so that something of it goes along.
     let polygons = mesh.polygons.as_ref().filter(|polygons| polygons.of_face().len() == mesh.faces.len());

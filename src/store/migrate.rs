@@ -1,7 +1,7 @@
 //! The records and the content of a data folder, copied to where many processes share them.
 //!
-//! Each piece of content is written before the record that refers to it, and what is there already is passed over: a copy that was cut goes on where
-//! it was. At the end every record and every byte is read back and compared.
+//! Each piece of content is written before the record that refers to it, and what is there already is passed over: a
+//! copy that was cut goes on where it was. At the end every record and every byte is read back and compared.
 
 use bytes::{Bytes, BytesMut};
 use futures_util::StreamExt;
@@ -19,7 +19,8 @@ const ROWS: i64 = 20;
 /// Chunks that are handed on at once: those of one part of an upload.
 const CHUNKS: usize = 32;
 
-/// What is copied: the table, the column that orders it, that by which a row is known, and whether it refers to content. Each refers to those before.
+/// What is copied: the table, the column that orders it, that by which a row is known, and whether it refers to
+/// content. Each refers to those before.
 const TABLES: [(&str, &str, &str, bool); 8] = [
     ("meshes", "sequence", "id", true),
     ("jobs", "sequence", "id", false),
@@ -95,7 +96,8 @@ struct Kind {
 }
 
 impl Store {
-    /// Copies everything to another store, that of shared places, and verifies it. Nobody else may use either meanwhile.
+    /// Copies everything to another store, that of shared places, and verifies it. Nobody else may use either
+    /// meanwhile.
     ///
     /// # Errors
     /// [`MigrationError`]; what was copied stays, and another call goes on.
@@ -253,7 +255,8 @@ impl Store {
         Ok(())
     }
 
-    /// Compares every record, and reads all content back. Content of an earlier copy that is damaged is copied once more.
+    /// Compares every record, and reads all content back. Content of an earlier copy that is damaged is copied once
+    /// more.
     async fn verify_copy(&self, to: &Store, done: &mut Migrated) -> Result<(), MigrationError> {
         for (table, order, key, content) in TABLES {
             let kinds = self.kinds(table).await?;
@@ -328,7 +331,8 @@ fn value(row: &Row, kind: &Kind) -> Result<Value, sqlx::Error> {
     })
 }
 
-/// Writes a row, over what an earlier copy wrote: a server may have run on the folder since, and each use of a mesh changes its record.
+/// Writes a row, over what an earlier copy wrote: a server may have run on the folder since, and each use of a mesh
+/// changes its record.
 async fn insert(to: &Store, table: &str, key: &str, kinds: &[Kind], row: &Row) -> Result<(), MigrationError> {
     let names: Vec<&str> = kinds.iter().map(|kind| kind.name.as_str()).collect();
     let places = vec!["?"; names.len()].join(", ");

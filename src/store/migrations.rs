@@ -1,5 +1,6 @@
-//! The tables of both databases, as the steps that made them. Each is a file in `migrations/` and never changes once it was released: databases keep
-//! its checksum. They are listed by hand, since the macro of sqlx that lists them compiles SQLite and an async runtime a second time.
+//! The tables of both databases, as the steps that made them. Each is a file in `migrations/` and never changes once it
+//! was released: databases keep its checksum. They are listed by hand, since the macro of sqlx that lists them compiles
+//! SQLite and an async runtime a second time.
 
 use sqlx::SqlSafeStr;
 #[cfg(feature = "cluster")]
@@ -51,7 +52,8 @@ pub(super) async fn run_postgres(pool: &sqlx::PgPool) -> Result<(), StoreError> 
         // Tables of another version, say: no outage.
         other => StoreError::Refused { detail: format!("the tables of the database: {other}") },
     };
-    // A lock of the transaction: one of the session, as the migrator would take, may be given up on another connection where a pooler stands between.
+    // A lock of the transaction: one of the session, as the migrator would take, may be given up on another connection
+    // where a pooler stands between.
     let mut transaction = pool.begin().await?;
     sqlx::query("SELECT pg_advisory_xact_lock(7018348713)").execute(&mut *transaction).await?;
     let mut steps = migrator(POSTGRES);

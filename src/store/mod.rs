@@ -1,10 +1,12 @@
 //! Jobs, meshes, bases, fields and blobs in SQL: the only room that names sqlx.
 //!
-//! For one process, two SQLite databases lie in the data folder. `meta.db` knows what there is; `blobs.db` holds content by its BLAKE3 hash.
-//! Content is written first (chunks pending → hash verified → ready), then one transaction in `meta.db` makes it visible, so
-//! what a crash leaves behind is content that nothing refers to; it is collected an hour later.
+//! For one process, two SQLite databases lie in the data folder. `meta.db` knows what there is; `blobs.db` holds
+//! content by its BLAKE3 hash. Content is written first (chunks pending → hash verified → ready), then one transaction
+//! in `meta.db` makes it visible, so what a crash leaves behind is content that nothing refers to; it is collected an
+//! hour later.
 //!
-//! Many processes share the records in a PostgreSQL and the content in an object store. All above `catalog.rs` and `blobs.rs` is the same for both.
+//! Many processes share the records in a PostgreSQL and the content in an object store. All above `catalog.rs` and
+//! `blobs.rs` is the same for both.
 //!
 //! | file | what |
 //! |---|---|
@@ -139,10 +141,11 @@ const HEALTH_PATIENCE: Duration = Duration::from_secs(3);
 pub struct SharedPlaces {
     /// The address of a PostgreSQL: `postgres://USER:PASSWORD@HOST/DATABASE`.
     pub database: String,
-    /// The same database with no pooler between, where [`database`](Self::database) leads to one that gives connections out by transaction: for the
-    /// tables when it is opened, and to hear.
+    /// The same database with no pooler between, where [`database`](Self::database) leads to one that gives connections
+    /// out by transaction: for the tables when it is opened, and to hear.
     pub direct: Option<String>,
-    /// The address of an object store: `s3://BUCKET/PREFIX?endpoint=…&region=…`, or `file:///FOLDER` for a folder that every process sees.
+    /// The address of an object store: `s3://BUCKET/PREFIX?endpoint=…&region=…`, or `file:///FOLDER` for a folder that
+    /// every process sees.
     pub objects: String,
 }
 
@@ -160,11 +163,13 @@ pub struct StoreOptions {
     pub folder: PathBuf,
     /// Where records and content are shared with other processes; then nothing is in the folder.
     pub shared: Option<SharedPlaces>,
-    /// The most connections to a database that is shared, beside the one that hears: such a database has a hundred, as a rule, for all processes.
+    /// The most connections to a database that is shared, beside the one that hears: such a database has a hundred, as
+    /// a rule, for all processes.
     pub connections: u32,
     /// Whether nobody asks this process how jobs fare: of what processes tell each other it hears of work alone.
     pub hears_of_work_alone: bool,
-    /// Bytes of decoded bases and meshes that are kept in memory: a quarter is for meshes, a quarter for chunks of dense bases.
+    /// Bytes of decoded bases and meshes that are kept in memory: a quarter is for meshes, a quarter for chunks of
+    /// dense bases.
     pub cache_bytes: u64,
     /// New content is refused where it would leave fewer bytes than these free.
     pub least_free_bytes: u64,
@@ -275,14 +280,14 @@ impl<K, T> Weighter<K, Weighed<T>> for ByWeight {
 }
 
 impl Store {
-    /// Opens the data folder: makes it where it is missing, locks it, checks the databases and brings them up to date, gives
-    /// jobs back to the queue that a dead process was running, and looks for content that nothing refers to. Of places that are shared, nothing is
-    /// taken from others.
+    /// Opens the data folder: makes it where it is missing, locks it, checks the databases and brings them up to date,
+    /// gives jobs back to the queue that a dead process was running, and looks for content that nothing refers to. Of
+    /// places that are shared, nothing is taken from others.
     ///
     /// # Errors
-    /// [`StoreError::FolderInUse`] where another process has it open; [`StoreError::Mismatch`] where its databases do not belong together, and
-    /// nothing is changed; [`StoreError::Version`], [`StoreError::DatabaseVersion`], [`StoreError::Corrupt`],
-    /// [`StoreError::Folder`] where it cannot be used.
+    /// [`StoreError::FolderInUse`] where another process has it open; [`StoreError::Mismatch`] where its databases do
+    /// not belong together, and nothing is changed; [`StoreError::Version`], [`StoreError::DatabaseVersion`],
+    /// [`StoreError::Corrupt`], [`StoreError::Folder`] where it cannot be used.
     pub async fn open(options: StoreOptions) -> Result<Self, StoreError> {
         match options.shared.clone() {
             None => Self::open_folder(options).await,
@@ -412,8 +417,8 @@ impl Store {
         }
     }
 
-    /// What is due now and then: forgets old idempotency keys, deletes what is not kept, looks for orphans, gives free pages back, tells each
-    /// database of the other.
+    /// What is due now and then: forgets old idempotency keys, deletes what is not kept, looks for orphans, gives free
+    /// pages back, tells each database of the other.
     async fn tend(&self) -> Result<(), StoreError> {
         self.inner.catalog.set(&self.inner.options.clock).await?;
         self.forget_old_keys().await?;
@@ -508,7 +513,8 @@ impl Store {
         &self.inner.work
     }
 
-    /// Rings where a part has changed, or a job that was divided: then [`tend_parts`](Self::tend_parts) may have something to do.
+    /// Rings where a part has changed, or a job that was divided: then [`tend_parts`](Self::tend_parts) may have
+    /// something to do.
     pub fn parts(&self) -> &Notify {
         &self.inner.parts
     }
@@ -541,7 +547,8 @@ impl Store {
         });
     }
 
-    /// Tells listeners about a change of a job, after the commit; those of other processes too, where the records are shared.
+    /// Tells listeners about a change of a job, after the commit; those of other processes too, where the records are
+    /// shared.
     fn announce_event(&self, event: JobEvent) {
         #[cfg(feature = "cluster")]
         if let Some(hearing) = self.inner.hearing.get() {

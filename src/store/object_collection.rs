@@ -1,4 +1,5 @@
-//! Objects that nothing refers to any more: condemned, pardoned where somebody refers to them again, and deleted an hour later.
+//! Objects that nothing refers to any more: condemned, pardoned where somebody refers to them again, and deleted an
+//! hour later.
 
 use object_store::{ObjectStoreExt, path::Path};
 
@@ -39,9 +40,10 @@ impl Objects {
         Ok(())
     }
 
-    /// Condemns what nothing refers to, pardons what is referred to again, gives up uploads that have not moved for an hour, and deletes objects that
-    /// were condemned an hour ago and still have nothing that refers to them. Several processes may look at once: each statement decides by itself,
-    /// and content that is put again is pardoned under the lock of its row, so that it is either kept or written anew.
+    /// Condemns what nothing refers to, pardons what is referred to again, gives up uploads that have not moved for an
+    /// hour, and deletes objects that were condemned an hour ago and still have nothing that refers to them. Several
+    /// processes may look at once: each statement decides by itself, and content that is put again is pardoned under
+    /// the lock of its row, so that it is either kept or written anew.
     pub async fn look(&self, now_ms: i64) -> Result<Look, StoreError> {
         let before_ms = now_ms - REPRIEVE_MS;
         let pardon = format!("UPDATE blobs SET condemned_ms = NULL WHERE condemned_ms IS NOT NULL AND {REFERENCED}");

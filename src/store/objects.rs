@@ -1,7 +1,8 @@
 //! Content in an object store that many processes share: docs/decisions/0074.
 //!
-//! Every piece of content is an object of its own, under a key that nobody else uses and that is never written again. The row in the shared database
-//! says which object holds what, and whether it is to be seen: an object of a worker that lost its lease, or of an upload that was cut, never is.
+//! Every piece of content is an object of its own, under a key that nobody else uses and that is never written again.
+//! The row in the shared database says which object holds what, and whether it is to be seen: an object of a worker
+//! that lost its lease, or of an upload that was cut, never is.
 
 use std::{fmt, ops::Range, sync::Arc, time::Duration};
 
@@ -28,7 +29,8 @@ use super::{
 
 /// Bytes of one part of an upload; S3 wants 5 MiB at least.
 const PART_BYTES: usize = 8 << 20;
-/// Parts of one upload that are on their way at once: with the one that is filled and what waits for it, 56 MiB of memory.
+/// Parts of one upload that are on their way at once: with the one that is filled and what waits for it, 56 MiB of
+/// memory.
 const PARTS_AT_ONCE: usize = 4;
 /// Chunks that are read at once: bytes of one request.
 const CHUNKS_AT_ONCE: u64 = 32;
@@ -85,8 +87,8 @@ enum Finished {
 }
 
 impl Objects {
-    /// Opens the store at an address: `s3://BUCKET/PREFIX?endpoint=…&region=…`, with keys and all that the address does not say from the usual
-    /// variables `AWS_…`, or `file:///FOLDER`, a folder that every process sees.
+    /// Opens the store at an address: `s3://BUCKET/PREFIX?endpoint=…&region=…`, with keys and all that the address does
+    /// not say from the usual variables `AWS_…`, or `file:///FOLDER`, a folder that every process sees.
     pub fn open(address: &str, records: Postgres) -> Result<Self, StoreError> {
         let refuse =
             |detail: String| StoreError::Unavailable { detail: format!("the object store {address}: {detail}") };
@@ -162,8 +164,8 @@ impl Objects {
         .transpose()
     }
 
-    /// Bytes from `at` on, up to `end`, of one request at most: at least one, and verified. Where they are not what was written, that is said in
-    /// words; `None` where the content is not there any more.
+    /// Bytes from `at` on, up to `end`, of one request at most: at least one, and verified. Where they are not what was
+    /// written, that is said in words; `None` where the content is not there any more.
     pub async fn piece(
         &self,
         place: BlobPlace,
@@ -261,8 +263,8 @@ impl Objects {
         object.map(Path::from).ok_or_else(|| StoreError::Corrupt { detail: "its row is gone".to_owned() })
     }
 
-    /// Begins an upload. Its row comes first, so that what a crash leaves is known. A `patient` one waits for minutes for a store that does not
-    /// answer.
+    /// Begins an upload. Its row comes first, so that what a crash leaves is known. A `patient` one waits for minutes
+    /// for a store that does not answer.
     pub async fn begin(&self, hash: &str, bytes: u64, patient: bool, now_ms: i64) -> Result<Upload, StoreError> {
         let begun = self.begin_where(hash, bytes, patient, now_ms, true).await?;
         begun.ok_or_else(|| StoreError::Unavailable { detail: "no upload could be begun".to_owned() })
@@ -377,7 +379,8 @@ impl Objects {
             if let Some(parts) = &mut upload.parts
                 && let Err(error) = parts.complete().await
             {
-                // Where only the answer was lost, a second try finds that there is no such upload any more; the object is there.
+                // Where only the answer was lost, a second try finds that there is no such upload any more; the object
+                // is there.
                 let there = self.for_upload(upload.patient).head(&upload.path).await;
                 if !there.is_ok_and(|found| found.size == bytes) {
                     return Err(failure(&error));
@@ -395,8 +398,8 @@ impl Objects {
         Ok(Sealed { id: upload.id, hashes: std::mem::take(&mut upload.hashes), bytes })
     }
 
-    /// Makes what was sealed ready under its hash, where no other content is. False where there is some, or the upload is no longer known: nothing
-    /// has changed.
+    /// Makes what was sealed ready under its hash, where no other content is. False where there is some, or the upload
+    /// is no longer known: nothing has changed.
     pub async fn make_ready_at_once(&self, sealed: &Sealed, hash: &str) -> Result<bool, StoreError> {
         let made = sql::query(
             "UPDATE blobs SET state = 'ready', hash = ?2, bytes = ?3, chunk_hashes = ?4
@@ -416,7 +419,8 @@ impl Objects {
         }
     }
 
-    /// Makes what was sealed ready under its hash, in the place of a damaged one. Where the answer of the database was lost, it may be asked again.
+    /// Makes what was sealed ready under its hash, in the place of a damaged one. Where the answer of the database was
+    /// lost, it may be asked again.
     pub async fn make_ready(
         &self,
         sealed: &Sealed,
@@ -491,8 +495,8 @@ impl Objects {
         if let Some(mut parts) = upload.parts.take() {
             let _ = parts.abort().await;
         }
-        // The row first: where it is no longer pending, its object is in use, though the answer that said so was lost. What cannot be cleared now is collected
-        // later.
+        // The row first: where it is no longer pending, its object is in use, though the answer that said so was lost.
+        // What cannot be cleared now is collected later.
         let given_up = sql::query("UPDATE blobs SET state = 'gone' WHERE id = ?1 AND state = 'pending'")
             .bind(upload.id)
             .execute(self.records.on())

@@ -1,6 +1,8 @@
-//! Content that nothing refers to: condemned when it is first seen, deleted when it is seen again an hour later and still nothing does.
+//! Content that nothing refers to: condemned when it is first seen, deleted when it is seen again an hour later and
+//! still nothing does.
 //!
-//! A crash leaves little of it. A database that was lost or replaced makes an orphan of everything, and an hour is what there is to notice.
+//! A crash leaves little of it. A database that was lost or replaced makes an orphan of everything, and an hour is what
+//! there is to notice.
 
 use std::{collections::HashSet, sync::atomic::Ordering};
 
@@ -66,8 +68,8 @@ impl Store {
         self.look_for_orphans().await.map(|_| ())
     }
 
-    /// Condemns orphans that are seen for the first time, pardons what is referred to again, and deletes what was condemned an hour ago. The
-    /// caller holds `blob_use` for writing, or is alone.
+    /// Condemns orphans that are seen for the first time, pardons what is referred to again, and deletes what was
+    /// condemned an hour ago. The caller holds `blob_use` for writing, or is alone.
     pub(super) async fn look_for_orphans(&self) -> Result<Look, StoreError> {
         let now_ms = self.now_ms();
         self.inner.orphans_looked_ms.store(now_ms, Ordering::Relaxed);

@@ -72,7 +72,8 @@ impl<'a> Listing<'a> {
         self
     }
 
-    /// Only rows whose column is among what a selection gives that ends in a column with this value, where there is one to filter by.
+    /// Only rows whose column is among what a selection gives that ends in a column with this value, where there is one
+    /// to filter by.
     pub fn among(mut self, column: &'static str, selection: &'static str, value: Option<&str>) -> Self {
         if let Some(value) = value {
             self.query.push(" AND ").push(column).push(" IN (").push(selection).push(" = ").push_bind(value).push(")");

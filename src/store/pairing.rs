@@ -1,7 +1,8 @@
 //! Which two databases belong together, and whether one of them has gone back in time: docs/decisions/0026.
 //!
-//! Each counts what comes and goes in it, and writes down how far the other had come. A count that is lower than what the other remembers is that
-//! of an older copy; what the newer one refers to, or is referred to by, would be lost. Then the store does not open.
+//! Each counts what comes and goes in it, and writes down how far the other had come. A count that is lower than what
+//! the other remembers is that of an older copy; what the newer one refers to, or is referred to by, would be lost.
+//! Then the store does not open.
 
 use sqlx::Row;
 use uuid::Uuid;
@@ -72,8 +73,8 @@ pub(super) async fn check_content(folder: &DataFolder, meta: &Database) -> Resul
     Err(mismatch(folder, &format!("blobs.db is missing or empty, and meta.db knows {meshes} meshes")))
 }
 
-/// Compares the databases, pairs those that never were, and writes down that they were opened together. With `anyway` they are paired as
-/// they are.
+/// Compares the databases, pairs those that never were, and writes down that they were opened together. With `anyway`
+/// they are paired as they are.
 pub(super) async fn pair(
     folder: &DataFolder,
     meta: &Database,
@@ -102,7 +103,8 @@ pub(super) async fn pair(
             (known.identity.clone(), known.generation.max(content.generation))
         }
     };
-    // Every start counts, so that a copy from before it is known to be one. In meta.db first: see the half pairing above.
+    // Every start counts, so that a copy from before it is known to be one. In meta.db first: see the half pairing
+    // above.
     let first_half =
         Identity { identity, generation: last + 1, other_generation: content.map_or(0, |it| it.generation) };
     let first_half = if anyway { Identity { other_generation: 0, ..first_half } } else { first_half };

@@ -1,4 +1,5 @@
-//! What the parts of a job made, as whoever joins them reads it: one after the other, without a copy of more than one of them.
+//! What the parts of a job made, as whoever joins them reads it: one after the other, without a copy of more than one
+//! of them.
 
 use std::{
     fmt,

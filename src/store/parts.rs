@@ -1,8 +1,10 @@
-//! One job in parts: a job that waits without a worker until others have solved its parts, and then joins what they made.
+//! One job in parts: a job that waits without a worker until others have solved its parts, and then joins what they
+//! made.
 //!
-//! Who claims a job that asks to be divided gives it back with its parts, in one transaction ([`Store::divide`]). From then on nothing has to be
-//! remembered: a claim passes over a job of which a part waits or runs, and what is due beyond that ([`Store::tend_parts`]) follows from the records
-//! as they are. It is done soon after a part or a divided job has changed, and by every process now and then, so that no death of one leaves anything undone.
+//! Who claims a job that asks to be divided gives it back with its parts, in one transaction ([`Store::divide`]). From
+//! then on nothing has to be remembered: a claim passes over a job of which a part waits or runs, and what is due
+//! beyond that ([`Store::tend_parts`]) follows from the records as they are. It is done soon after a part or a divided
+//! job has changed, and by every process now and then, so that no death of one leaves anything undone.
 
 use std::num::NonZeroUsize;
 
@@ -106,8 +108,8 @@ impl JobRecord {
 }
 
 impl Store {
-    /// Enqueues the parts of a job and gives it back to the queue, to wait for them, in one step: the attempt does not count. Equal parts that wait,
-    /// run or are done are not enqueued again.
+    /// Enqueues the parts of a job and gives it back to the queue, to wait for them, in one step: the attempt does not
+    /// count. Equal parts that wait, run or are done are not enqueued again.
     ///
     /// # Errors
     /// [`StoreError::Busy`] and its kin: nothing has changed and the lease still holds.
@@ -158,7 +160,8 @@ impl Store {
         Err(StoreError::Busy { detail: "equal parts come and go".to_owned() })
     }
 
-    /// Finds or makes the parts of a job; gives those that are new. `None` where another process was faster with an equal one.
+    /// Finds or makes the parts of a job; gives those that are new. `None` where another process was faster with an
+    /// equal one.
     async fn insert_parts(
         &self,
         on: &mut Transaction,
@@ -245,8 +248,9 @@ impl Store {
         rows.iter().map(part_from_row).collect()
     }
 
-    /// Does what is due: a job of which a part was given up ends with its reason, one of which another part is done says so, and parts that no job
-    /// needs any more are cancelled or deleted, with what they made. Gives the jobs that ended.
+    /// Does what is due: a job of which a part was given up ends with its reason, one of which another part is done
+    /// says so, and parts that no job needs any more are cancelled or deleted, with what they made. Gives the jobs that
+    /// ended.
     ///
     /// # Errors
     /// [`StoreError::Busy`] and its kin.
@@ -332,7 +336,8 @@ impl Store {
         Ok(Some(job))
     }
 
-    /// Jobs that have ended let go of their parts; one that failed after an hour, within which a retry finds what was done.
+    /// Jobs that have ended let go of their parts; one that failed after an hour, within which a retry finds what was
+    /// done.
     async fn let_go(&self) -> Result<(), StoreError> {
         const ENDED: &str = "job IN (SELECT jobs.id FROM job_parts JOIN jobs ON jobs.id = job_parts.job
             WHERE jobs.status IN ('succeeded', 'canceled') OR (jobs.status = 'failed' AND jobs.finished_ms < ?))";

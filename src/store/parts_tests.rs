@@ -296,8 +296,8 @@ pub(super) async fn who_has_lost_a_job_does_not_divide_it() {
     assert_eq!(parts_left(&store).await, (2, 2));
 }
 
-/// Everything that clients and workers may do, in any order, with jobs of which two have the same parts. However it goes, jobs end once workers do
-/// their work, and nothing of their parts is left.
+/// Everything that clients and workers may do, in any order, with jobs of which two have the same parts. However it
+/// goes, jobs end once workers do their work, and nothing of their parts is left.
 #[tokio::test]
 pub(super) async fn any_walk_with_parts_ends_and_leaves_nothing_behind() {
     let (store, _folder) = store().await;

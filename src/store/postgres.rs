@@ -1,5 +1,5 @@
-//! The records in a PostgreSQL that many processes share: connections, transactions and its clock. Nothing hangs on a session, so that a pooler may
-//! stand between; only `LISTEN` does, which has a connection of its own (`hearing.rs`).
+//! The records in a PostgreSQL that many processes share: connections, transactions and its clock. Nothing hangs on a
+//! session, so that a pooler may stand between; only `LISTEN` does, which has a connection of its own (`hearing.rs`).
 
 use std::{
     fmt,
@@ -46,8 +46,8 @@ impl fmt::Debug for Postgres {
 }
 
 impl Postgres {
-    /// Connects, by `most` connections and one to hear, and brings the tables up to date. A database that is not there is waited for, as one is that
-    /// is being started; one that refuses is not.
+    /// Connects, by `most` connections and one to hear, and brings the tables up to date. A database that is not there
+    /// is waited for, as one is that is being started; one that refuses is not.
     pub async fn open(places: &SharedPlaces, most: u32, busy_timeout: Duration) -> Result<Self, StoreError> {
         let options = |address: &str| {
             PgConnectOptions::from_str(address)
@@ -56,8 +56,8 @@ impl Postgres {
         };
         let shared = options(&places.database)?;
         let (pooler, direct, shared) = match &places.direct {
-            // The same few statements come again and again, and their plans do not depend on the values. Left to itself, the database plans some of them each
-            // time, which takes longer than they do.
+            // The same few statements come again and again, and their plans do not depend on the values. Left to
+            // itself, the database plans some of them each time, which takes longer than they do.
             None => (Pooler::Absent, shared.clone(), shared.options([("plan_cache_mode", "force_generic_plan")])),
             // What a session is set to when it begins is a pooler's business, and not needed.
             Some(direct) => {
@@ -121,7 +121,8 @@ impl Postgres {
         On::PostgresPool(&self.connections, self.pooler)
     }
 
-    /// Begins a transaction. It sees what others have committed before each of its statements; what must not change meanwhile is locked.
+    /// Begins a transaction. It sees what others have committed before each of its statements; what must not change
+    /// meanwhile is locked.
     pub async fn write(&self) -> Result<PostgresTransaction, StoreError> {
         Ok(PostgresTransaction(self.connections.begin(BEGIN).await?, self.pooler))
     }

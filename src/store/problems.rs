@@ -10,8 +10,8 @@ use bytes::Bytes;
 use chladni_spectral::spectrum::pencil::Matrices;
 
 impl Store {
-    /// Stores a problem, or finds it where equal matrices are known. A name or report of a known problem stays as it was; content that was damaged is
-    /// written anew.
+    /// Stores a problem, or finds it where equal matrices are known. A name or report of a known problem stays as it
+    /// was; content that was damaged is written anew.
     ///
     /// # Errors
     /// [`StoreError::StorageFull`], [`StoreError::Busy`].

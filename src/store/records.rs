@@ -249,7 +249,8 @@ pub struct NewJob {
     pub bases: Vec<Uuid>,
     /// Canonical parameters, with defaults filled in.
     pub parameters: Value,
-    /// The same with long lists told by their length and hash, where there are any: what records show, but for the claim of a worker.
+    /// The same with long lists told by their length and hash, where there are any: what records show, but for the
+    /// claim of a worker.
     pub brief: Option<Value>,
     /// Higher runs first; 0 is usual.
     pub priority: i32,
@@ -263,7 +264,8 @@ pub struct NewJob {
     pub solver_version: String,
     /// An estimate of the memory that it needs while it runs.
     pub memory_bytes: u64,
-    /// The most memory that a new job may need. What is there already, whoever can or cannot do it anew, is found all the same.
+    /// The most memory that a new job may need. What is there already, whoever can or cannot do it anew, is found all
+    /// the same.
     pub most_bytes: u64,
 }
 
@@ -285,10 +287,12 @@ pub struct JobRecord {
     pub kind: String,
     /// The mesh or, of the kind `pencil_basis`, the problem that it works on.
     pub mesh: String,
-    /// The bases that it works on, where these are several, as of the kind `map_collection`; the mesh is that of the first.
+    /// The bases that it works on, where these are several, as of the kind `map_collection`; the mesh is that of the
+    /// first.
     #[serde(default)]
     pub bases: Vec<Uuid>,
-    /// Canonical parameters, with defaults filled in; in full in a [`Claim`](super::Claim), else with long lists told by their length and hash.
+    /// Canonical parameters, with defaults filled in; in full in a [`Claim`](super::Claim), else with long lists told
+    /// by their length and hash.
     pub parameters: Value,
     /// Higher runs first.
     pub priority: i32,

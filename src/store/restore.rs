@@ -11,12 +11,12 @@ use super::{
 /// Where a restored folder is put together.
 const WORKSHOP: &str = "restoring";
 
-/// Makes a data folder of a backup. The backup stays as it is. Both databases get an identity of their own, so that neither will be taken for
-/// one of the folder that was backed up.
+/// Makes a data folder of a backup. The backup stays as it is. Both databases get an identity of their own, so that
+/// neither will be taken for one of the folder that was backed up.
 ///
 /// # Errors
-/// [`StoreError::Occupied`] where the data folder has databases; [`StoreError::Folder`] where there is no backup; [`StoreError::Mismatch`],
-/// [`StoreError::Corrupt`] where it is none that can be used.
+/// [`StoreError::Occupied`] where the data folder has databases; [`StoreError::Folder`] where there is no backup;
+/// [`StoreError::Mismatch`], [`StoreError::Corrupt`] where it is none that can be used.
 pub async fn restore(backup: &Path, data: &Path) -> Result<Examination, StoreError> {
     for file in files(backup) {
         there(&file)?;

@@ -33,8 +33,8 @@ pub(super) struct S3 {
 type Refusal = String;
 
 impl S3 {
-    /// Opens the store at what stands behind `s3://`: `BUCKET/PREFIX?endpoint=…&region=…`. What the address does not say is taken from the usual
-    /// variables `AWS_…`, keys always.
+    /// Opens the store at what stands behind `s3://`: `BUCKET/PREFIX?endpoint=…&region=…`. What the address does not
+    /// say is taken from the usual variables `AWS_…`, keys always.
     pub fn open(place: &str) -> Result<Self, Refusal> {
         let (path, settings) = place.split_once('?').unwrap_or((place, ""));
         let (bucket, prefix) = path.split_once('/').unwrap_or((path, ""));
@@ -138,7 +138,8 @@ pub(super) fn is_missing(error: &object_store::Error) -> bool {
     matches!(error, object_store::Error::NotFound { .. }) && !said(error).contains(REFUSALS[0])
 }
 
-/// What went wrong, as an error. Whom the store does not let in, and a bucket that is not there, are no outage that passes.
+/// What went wrong, as an error. Whom the store does not let in, and a bucket that is not there, are no outage that
+/// passes.
 pub(super) fn failure(error: &object_store::Error) -> StoreError {
     let said = said(error);
     let refused = REFUSALS.iter().any(|words| said.contains(words))

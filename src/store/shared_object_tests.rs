@@ -273,7 +273,8 @@ pub(super) async fn completing_twice() {
     assert_eq!(void, CompleteAnswer::Lost);
 }
 
-/// Figures of one large transfer: `CHLADNI_LARGE_OBJECTS` is the address of a store that nobody has to sign for, and `CHLADNI_LARGE_MB` how much.
+/// Figures of one large transfer: `CHLADNI_LARGE_OBJECTS` is the address of a store that nobody has to sign for, and
+/// `CHLADNI_LARGE_MB` how much.
 #[test]
 #[ignore = "figures, with an object store of its own"]
 fn a_large_object_goes_and_comes_in_little_memory() {

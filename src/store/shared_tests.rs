@@ -1,4 +1,5 @@
-//! The same promises where the records are in a PostgreSQL and the content in an object store, and what is promised there alone.
+//! The same promises where the records are in a PostgreSQL and the content in an object store, and what is promised
+//! there alone.
 #![cfg(feature = "cluster")]
 
 use std::cell::Cell;

@@ -1,8 +1,10 @@
-//! What nearly always happens, as one statement where the records are shared: new work is enqueued, and a result comes to be seen. Whatever is out of
-//! the ordinary (equal work, a key that is known, a lease that is lost, a job that is to be stopped, a basis that is made anew) changes nothing here,
-//! and is left to the transactions of `jobs.rs` and `leases.rs`, which look at it step by step: docs/decisions/0103.
+//! What nearly always happens, as one statement where the records are shared: new work is enqueued, and a result comes
+//! to be seen. Whatever is out of the ordinary (equal work, a key that is known, a lease that is lost, a job that is to
+//! be stopped, a basis that is made anew) changes nothing here, and is left to the transactions of `jobs.rs` and
+//! `leases.rs`, which look at it step by step: docs/decisions/0103.
 //!
-//! A statement by itself is a transaction. Those that it would take instead, one after the other, are some ten, and each goes there and back.
+//! A statement by itself is a transaction. Those that it would take instead, one after the other, are some ten, and
+//! each goes there and back.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -17,7 +19,8 @@ use super::{
     sql, to_json,
 };
 
-/// One part of so many of the room in the queue is filled without counting again: so many servers together do not take more than there was.
+/// One part of so many of the room in the queue is filled without counting again: so many servers together do not take
+/// more than there was.
 const PARTS_OF_ROOM: u64 = 16;
 /// What was counted is good for so long, in milliseconds.
 const ROOM_MS: i64 = 1000;
@@ -47,7 +50,8 @@ impl Room {
 }
 
 impl Store {
-    /// Makes the job of a request where nothing speaks against it. `None` where something does, or the records are not shared: nothing has changed.
+    /// Makes the job of a request where nothing speaks against it. `None` where something does, or the records are not
+    /// shared: nothing has changed.
     pub(super) async fn enqueue_at_once(&self, new: &NewJob, now_ms: i64) -> Result<Option<JobRecord>, StoreError> {
         let usual = self.is_shared() && new.bases.is_empty() && new.memory_bytes <= new.most_bytes;
         if !usual || !self.has_room(now_ms).await? {
@@ -133,7 +137,8 @@ impl Store {
         }))
     }
 
-    /// Whether the queue has room, as far as this process can tell without counting each time: what waits may be many thousands.
+    /// Whether the queue has room, as far as this process can tell without counting each time: what waits may be many
+    /// thousands.
     async fn has_room(&self, now_ms: i64) -> Result<bool, StoreError> {
         let Some(limit) = self.inner.options.queued_jobs_limit else { return Ok(true) };
         if self.inner.room.take(now_ms) {
@@ -146,8 +151,9 @@ impl Store {
         Ok((waiting as u64) < limit)
     }
 
-    /// Marks the job of a lease as succeeded and writes its result down, where the lease holds, nobody has asked the job to stop, it had no
-    /// result before, and no other job waits for it or has solved a part of it. `None` where it is otherwise, or the records are not shared: nothing has changed.
+    /// Marks the job of a lease as succeeded and writes its result down, where the lease holds, nobody has asked the
+    /// job to stop, it had no result before, and no other job waits for it or has solved a part of it. `None` where it
+    /// is otherwise, or the records are not shared: nothing has changed.
     pub(super) async fn make_visible_at_once(
         &self,
         token: Uuid,

@@ -173,8 +173,8 @@ pub(super) fn read_matrices(bytes: &[u8]) -> Result<Matrices, String> {
 const MOST_DELETED: usize = 100;
 
 impl Store {
-    /// Stores a source, or finds it where the same content is known, and reads its record. One that somebody deletes in between is stored again: whoever
-    /// uploads has what it takes, and is not to be told that there is no such thing.
+    /// Stores a source, or finds it where the same content is known, and reads its record. One that somebody deletes in
+    /// between is stored again: whoever uploads has what it takes, and is not to be told that there is no such thing.
     pub(super) async fn stored_source<R, F>(
         &self,
         content: Bytes,
@@ -194,8 +194,8 @@ impl Store {
         }
     }
 
-    /// Stores a source, or finds it where the same content is known; content that was damaged is written anew. Gives its identifier, and whether it
-    /// is new.
+    /// Stores a source, or finds it where the same content is known; content that was damaged is written anew. Gives
+    /// its identifier, and whether it is new.
     async fn add_source(&self, content: &Bytes, new: &NewSource) -> Result<(String, bool), StoreError> {
         let hash = blobs::hash_of(content).await?;
         let id = hash[..ID_DIGITS].to_owned();

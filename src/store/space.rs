@@ -1,4 +1,5 @@
-//! Room: pages that are free within the database count as much as bytes that are free on the disk, and go back to it after deletions.
+//! Room: pages that are free within the database count as much as bytes that are free on the disk, and go back to it
+//! after deletions.
 
 use std::sync::atomic::Ordering;
 
@@ -61,8 +62,8 @@ pub struct Compacted {
     pub after: u64,
 }
 
-/// Whether so many more bytes of content leave enough room. What fits into free pages takes nothing from the disk but the log, which is what an
-/// eighth of the room is for.
+/// Whether so many more bytes of content leave enough room. What fits into free pages takes nothing from the disk but
+/// the log, which is what an eighth of the room is for.
 pub(super) fn has_room(bytes: u64, free: u64, reusable: u64, least: u64) -> bool {
     free.saturating_add(reusable).saturating_sub(bytes) >= least && free >= least / 8
 }
@@ -87,7 +88,8 @@ impl Store {
         }
     }
 
-    /// Bytes that may still be written to the file system of the data folder; `None` where there is none, or the system does not tell.
+    /// Bytes that may still be written to the file system of the data folder; `None` where there is none, or the system
+    /// does not tell.
     pub(super) fn free_bytes(&self) -> Option<u64> {
         self.inner.folder.as_ref().and_then(DataFolder::free_bytes)
     }
@@ -119,8 +121,9 @@ impl Store {
         self.count_reusable().await
     }
 
-    /// Gives some pages back: so many that their log fits well into what the disk has. Where it does not, the log that is there gives up its own room
-    /// first: a disk that is full must not stay full because nothing can be written of what is to be given back.
+    /// Gives some pages back: so many that their log fits well into what the disk has. Where it does not, the log that
+    /// is there gives up its own room first: a disk that is full must not stay full because nothing can be written of
+    /// what is to be given back.
     async fn give_pages_back(&self, database: &Database, pages: Pages) -> Result<(), StoreError> {
         let room = self.free_bytes().map_or(PAGES_AT_ONCE, |free| (free / 4) as i64 / pages.bytes.max(1));
         let first = room.clamp(PAGES_AT_LEAST, PAGES_AT_ONCE);
@@ -130,8 +133,8 @@ impl Store {
         database.give_back(PAGES_AT_LEAST).await
     }
 
-    /// Gives all free pages of both databases back to the disk. Databases of earlier versions, which cannot do that, are written anew once, which
-    /// takes as much room as they have content; from then on they can.
+    /// Gives all free pages of both databases back to the disk. Databases of earlier versions, which cannot do that,
+    /// are written anew once, which takes as much room as they have content; from then on they can.
     ///
     /// # Errors
     /// [`StoreError::StorageFull`] where there is no such room: nothing has changed.

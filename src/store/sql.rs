@@ -1,6 +1,8 @@
-//! Statements for whichever database keeps the records: one text for both, with `?` or `?1` where values go, and rows that are read alike.
+//! Statements for whichever database keeps the records: one text for both, with `?` or `?1` where values go, and rows
+//! that are read alike.
 //!
-//! Not `sqlx::Any`, which writes one placeholder for both and knows neither `BEGIN IMMEDIATE` nor `LISTEN`: docs/decisions/0072.
+//! Not `sqlx::Any`, which writes one placeholder for both and knows neither `BEGIN IMMEDIATE` nor `LISTEN`:
+//! docs/decisions/0072.
 
 use std::marker::PhantomData;
 
@@ -32,8 +34,8 @@ pub(super) enum On<'c> {
 pub(super) enum Pooler {
     /// Nothing, or what gives each client a connection of its own: statements are prepared once.
     Absent,
-    /// What gives connections out for one transaction: no statement outlives one, and each is sent within one, since it is prepared and run in two
-    /// steps.
+    /// What gives connections out for one transaction: no statement outlives one, and each is sent within one, since it
+    /// is prepared and run in two steps.
     ByTransaction,
 }
 

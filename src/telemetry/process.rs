@@ -1,4 +1,5 @@
-//! The metrics `process_…` that every Prometheus client has, as Linux tells them under `/proc`; elsewhere there are none.
+//! The metrics `process_…` that every Prometheus client has, as Linux tells them under `/proc`; elsewhere there are
+//! none.
 
 use std::fs::{read_dir, read_to_string};
 
@@ -97,7 +98,8 @@ impl State {
         None
     }
 
-    /// The fields of proc(5), which begin after the name of the program: that stands in parentheses and may hold any character.
+    /// The fields of proc(5), which begin after the name of the program: that stands in parentheses and may hold any
+    /// character.
     #[cfg_attr(not(target_os = "linux"), allow(dead_code, reason = "other systems have no /proc"))]
     fn parse(stat: &str, ticks: u64, page: i64) -> Option<Self> {
         let fields: Vec<&str> = stat.get(stat.rfind(')')? + 1..)?.split_ascii_whitespace().collect();

@@ -1,6 +1,7 @@
 //! Distances, signatures, comparisons, compression, maps: each as JSON, as raw numbers, and asked wrongly.
 //!
-//! On the octahedron the scripted basis has the eigenvalues 0, 1 and 2, and function `k` is `√½` at the vertices `k` and `k + 3`, 0 elsewhere.
+//! On the octahedron the scripted basis has the eigenvalues 0, 1 and 2, and function `k` is `√½` at the vertices `k`
+//! and `k + 3`, 0 elsewhere.
 
 mod latencies;
 mod refusals;

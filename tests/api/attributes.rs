@@ -9,8 +9,8 @@ use serde_json::{Value, json};
 
 use crate::common::{TestApp, text};
 
-/// A sphere as an OBJ whose texture coordinates say longitude and latitude and have a seam, whose normals are its positions, in two groups; a vertex
-/// without a face in front.
+/// A sphere as an OBJ whose texture coordinates say longitude and latitude and have a seam, whose normals are its
+/// positions, in two groups; a vertex without a face in front.
 fn sphere() -> String {
     let mesh = generate(Shape::Sphere, 300).unwrap();
     let mut text = "mtllib a.mtl\nv 7 7 7\n".to_owned();
@@ -89,7 +89,8 @@ async fn what_a_file_has_beside_its_surface_comes_out_with_it() {
     stored.extend(raw.faces.iter().flatten().flat_map(|v| v.to_le_bytes()));
     assert_eq!(text(&other["id"]), blake3::hash(&stored).to_hex()[..32]);
 
-    // Filtered, as OBJ: the names and texture coordinates of the file, and normals that are still nearly those of a sphere.
+    // Filtered, as OBJ: the names and texture coordinates of the file, and normals that are still nearly those of a
+    // sphere.
     let job = json!({"kind": "eigenbasis", "mesh": mesh, "parameters": {"method": "hsim", "count": 20}});
     let job: Value = app.post("/v1/jobs").json(&job).send().await.unwrap().json().await.unwrap();
     let job = app.finished(&text(&job["id"])).await;

@@ -13,7 +13,8 @@ fn guarded() -> TestApp {
     builder.start()
 }
 
-/// An operation of the OpenAPI document: method, path with its examples filled in, the scope that it declares, and the statuses that it tells of.
+/// An operation of the OpenAPI document: method, path with its examples filled in, the scope that it declares, and the
+/// statuses that it tells of.
 struct Operation {
     method: reqwest::Method,
     path: String,

@@ -1,4 +1,5 @@
-//! Maps between the shapes of a collection as a job: made in the queue, kept, found again, and what is deleted and what is not.
+//! Maps between the shapes of a collection as a job: made in the queue, kept, found again, and what is deleted and what
+//! is not.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -60,7 +60,8 @@ async fn documentation_loads_nothing_from_elsewhere() {
     for word in ["uploadMesh", "/v1/jobs/{id}/events", "Idempotency-Key", "JobResource"] {
         assert!(page.contains(word), "{word}");
     }
-    // The reference that can be searched and tried, or the plain one where the page was left out: either keeps to this server.
+    // The reference that can be searched and tried, or the plain one where the page was left out: either keeps to this
+    // server.
     let reference = app.get("/docs").send().await.unwrap();
     assert_eq!(reference.status(), 200);
     assert!(reference.headers()["content-security-policy"].to_str().unwrap().starts_with("default-src 'none'"));

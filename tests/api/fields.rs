@@ -242,7 +242,8 @@ async fn the_full_biharmonic_energy_can_be_asked_for_and_is_larger() {
     for alignment in [Value::Null, curvature] {
         let free = alignment.is_null();
         let mut energies = Vec::new();
-        // Projected, full, and the former again, which what is kept of the latter must not change; then the full one by its older word.
+        // Projected, full, and the former again, which what is kept of the latter must not change; then the full one by
+        // its older word.
         for energy in ["projected", "full", "projected", "literal"] {
             let answer = designed(&app, &basis, "", request(energy, alignment.clone())).await;
             energies.push(answer["biharmonic_energy"].as_f64().unwrap());
@@ -268,7 +269,8 @@ async fn designs_tell_how_far_they_are_from_the_whole_surface_and_are_refined() 
     assert_eq!((&plain["error"], &plain["space"]), (&Value::Null, &json!("basis")));
     let judged = designed(&app, &basis, "form=frames", request(json!({"space": "basis", "error": true}))).await;
     assert_eq!(judged["field"], plain["field"]);
-    // Nothing but the strokes is asked for: the field of the whole surface, with how far the nearest field of the basis is from it.
+    // Nothing but the strokes is asked for: the field of the whole surface, with how far the nearest field of the basis
+    // is from it.
     let refined = designed(&app, &basis, "form=frames", request(json!({}))).await;
     assert_eq!(refined["space"], "surface");
     let fine = made(&app, &mesh, json!({"field": "n_vector", "n": 4, "dimension": 400})).await;

@@ -1,5 +1,5 @@
-//! A server with a graphics card: the software one, on which the kernels are tested too. It is a process of its own, since a card belongs to
-//! its process.
+//! A server with a graphics card: the software one, on which the kernels are tested too. It is a process of its own,
+//! since a card belongs to its process.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};

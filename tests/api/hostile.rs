@@ -1,4 +1,5 @@
-//! What a hostile client does: pipelines without reading, sends what is no HTTP, hoards connections and streams, inflates.
+//! What a hostile client does: pipelines without reading, sends what is no HTTP, hoards connections and streams,
+//! inflates.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -29,7 +30,8 @@ async fn who_pipelines_and_reads_nothing_is_not_read_either() {
     const MOST: usize = 96 << 20;
     let app = TestApp::start();
     let mut stream = TcpStream::connect(app.address).unwrap();
-    // What is not taken within this time is not wanted: the answers lie in the sockets, and the server waits for them to be read.
+    // What is not taken within this time is not wanted: the answers lie in the sockets, and the server waits for them
+    // to be read.
     stream.set_write_timeout(Some(Duration::from_secs(3))).unwrap();
     let requests = b"GET /healthz HTTP/1.1\r\nhost: localhost\r\n\r\n".repeat(1000);
     let mut written = 0;

@@ -135,8 +135,8 @@ async fn a_flooded_queue_leaves_solves_unharmed() {
     }
 }
 
-/// The target: with two jobs running, a filter on a basis of igea with 500 pairs answers within 50 ms at the 95th percentile,
-/// over HTTP with a binary body.
+/// The target: with two jobs running, a filter on a basis of igea with 500 pairs answers within 50 ms at the 95th
+/// percentile, over HTTP with a binary body.
 #[tokio::test(flavor = "multi_thread", worker_threads = 1)]
 #[ignore = "measures; run it alone: cargo test --release --test api -- --ignored --nocapture pace"]
 async fn the_pace_of_filters_while_two_jobs_run() {

@@ -1,5 +1,6 @@
-//! The user's vertices are the user's: every route answers about a file with unreferenced, duplicate and permuted vertices as it does about the mesh
-//! that is left of it, up to the map between the two. That map is found here by positions, not asked for.
+//! The user's vertices are the user's: every route answers about a file with unreferenced, duplicate and permuted
+//! vertices as it does about the mesh that is left of it, up to the map between the two. That map is found here by
+//! positions, not asked for.
 
 mod covered;
 mod faces;
@@ -37,8 +38,8 @@ struct Case {
     mesh: TriangleMesh,
 }
 
-/// An OBJ of a surface: its vertices in random order, a third of them twice, as many that no face uses, every tenth face twice and a face that
-/// repeats a vertex after every twentieth.
+/// An OBJ of a surface: its vertices in random order, a third of them twice, as many that no face uses, every tenth
+/// face twice and a face that repeats a vertex after every twentieth.
 fn disturbed(surface: &TriangleMesh, random: &mut SplitMix64) -> String {
     let n = surface.positions.len();
     let mut order: Vec<Option<usize>> = (0..n).map(Some).collect();

@@ -17,7 +17,8 @@ fn app() -> TestApp {
     builder.start()
 }
 
-/// A path of `n` vertices in Matrix Market, the lower triangle of a symmetric matrix: its eigenvalues are 2 − 2 cos(πk/n).
+/// A path of `n` vertices in Matrix Market, the lower triangle of a symmetric matrix: its eigenvalues are 2 − 2
+/// cos(πk/n).
 fn path(n: usize) -> String {
     let mut lines = format!("%%MatrixMarket matrix coordinate real symmetric\n% a path\n{n} {n} {}\n", 2 * n - 1);
     for row in 1..=n {
@@ -238,7 +239,8 @@ async fn fixed_rows_a_mass_and_content_are_what_a_dense_solve_says() {
     let fixed: Vec<u32> = (0..20).rev().collect();
     let basis = solved(&app, &id, json!({"count": 4, "fixed": fixed, "tolerance": 1e-6})).await;
     assert_eq!((&basis["details"]["unknowns"], &basis["parameters"]["fixed"]["numbers"]), (&json!(10), &json!(20)));
-    // Linear elements on an interval of ten of them, held at one end: λ = 6 (1 − c) / (2 + c) with c = cos((k + 1/2) π / 10).
+    // Linear elements on an interval of ten of them, held at one end: λ = 6 (1 − c) / (2 + c) with c = cos((k + 1/2) π
+    // / 10).
     for (k, value) in values(&basis).into_iter().enumerate() {
         let c = (PI * (k as f64 + 0.5) / 10.0).cos();
         assert!((value - 6.0 * (1.0 - c) / (2.0 + c)).abs() < 1e-10, "{k}: {value}");

@@ -20,7 +20,8 @@ async fn a_surface_is_parametrised_along_fields_of_three_sources() {
     let plain: Value = ask("", json!({"creases": null})).await.json().await.unwrap();
     assert_eq!(numbers(&plain["coordinates"]["values"]).len(), 6 * faces);
     assert_eq!(plain["misfit"], Value::Null);
-    // Along given directions: those around the axis, which are smooth, so that nothing is singular and the cut is that of the handle.
+    // Along given directions: those around the axis, which are smooth, so that nothing is singular and the cut is that
+    // of the handle.
     let torus = generate(Shape::Torus, 600).unwrap();
     let around = |face: &[u32; 3]| {
         let p = [0, 1].map(|i| face.iter().map(|&v| torus.positions[v as usize][i]).sum::<f64>());

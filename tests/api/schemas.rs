@@ -1,4 +1,5 @@
-//! What the OpenAPI document says of values, held against the examples in it, against real answers, and against what is refused.
+//! What the OpenAPI document says of values, held against the examples in it, against real answers, and against what is
+//! refused.
 
 use std::sync::Arc;
 

@@ -1,4 +1,5 @@
-//! Fields as resources: uploaded once and named in requests, designed and saved, listed, renamed and deleted, over HTTP with the real solver.
+//! Fields as resources: uploaded once and named in requests, designed and saved, listed, renamed and deleted, over HTTP
+//! with the real solver.
 
 use chladni_mesh::shape::Shape;
 use serde_json::{Value, json};

@@ -1,4 +1,5 @@
-//! What is not taken silently: parameters that there are not, members that are given twice or have no effect, bases that do not correspond.
+//! What is not taken silently: parameters that there are not, members that are given twice or have no effect, bases
+//! that do not correspond.
 
 use std::sync::Arc;
 

@@ -1,4 +1,5 @@
-//! The client of the tests speaks no TLS, but is built with it where the program has it, and asks for its cryptography then.
+//! The client of the tests speaks no TLS, but is built with it where the program has it, and asks for its cryptography
+//! then.
 
 /// A client as it comes.
 pub fn client() -> reqwest::Client {

@@ -1,4 +1,5 @@
-//! A real server on a port of its own, for tests. Dropping it drains the server and checks that no job is left unfinished.
+//! A real server on a port of its own, for tests. Dropping it drains the server and checks that no job is left
+//! unfinished.
 #![allow(dead_code)]
 
 pub mod cryptography;
@@ -240,9 +241,9 @@ pub fn text(value: &Value) -> String {
 pub const OCTAHEDRON: &str = "OFF\n6 8 0\n1 0 0\n-1 0 0\n0 1 0\n0 -1 0\n0 0 1\n0 0 -1\n\
     3 0 2 4\n3 2 1 4\n3 1 3 4\n3 3 0 4\n3 2 0 5\n3 1 2 5\n3 3 1 5\n3 0 3 5\n";
 
-/// A runner whose jobs do what their seed says, so that tests of the API do not depend on a solver: seeds below 1000 succeed at
-/// once, 1000 panics, 1001 fails, larger ones run for that many milliseconds. The basis is the constant and two more
-/// functions, orthonormal for unit masses.
+/// A runner whose jobs do what their seed says, so that tests of the API do not depend on a solver: seeds below 1000
+/// succeed at once, 1000 panics, 1001 fails, larger ones run for that many milliseconds. The basis is the constant and
+/// two more functions, orthonormal for unit masses.
 pub struct Scripted;
 
 /// Panics whenever it runs.

@@ -1,4 +1,5 @@
-//! A PostgreSQL of its own for the tests of one process: made in a temporary folder, reached by a socket in it, and gone with the process.
+//! A PostgreSQL of its own for the tests of one process: made in a temporary folder, reached by a socket in it, and
+//! gone with the process.
 
 #![allow(dead_code)]
 
@@ -95,7 +96,8 @@ impl Server {
         std::fs::read_to_string(self.folder.join("data/postmaster.pid")).ok()?.lines().next()?.parse().ok()
     }
 
-    /// Kills the server at once, with all that serve connections, as a machine that loses power would, but for what the system has still to write.
+    /// Kills the server at once, with all that serve connections, as a machine that loses power would, but for what the
+    /// system has still to write.
     pub fn crash(&self) {
         let Some(pid) = self.process().map(|pid| pid.to_string()) else { return };
         let _ = Command::new("kill").args(["-KILL", &pid]).status();

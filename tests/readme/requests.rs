@@ -1,5 +1,5 @@
-//! Blocks of the manual that need more than a shell and a server: requests that are shown with their bodies alone, commands with files of one's own,
-//! Rust.
+//! Blocks of the manual that need more than a shell and a server: requests that are shown with their bodies alone,
+//! commands with files of one's own, Rust.
 
 use std::error::Error;
 use std::path::Path;

@@ -1,9 +1,9 @@
-//! A few of the lowest pairs of a symmetric tridiagonal matrix: values by bisection with Sturm counts, vectors by inverse iteration (as LAPACK's
-//! `dstebz` and `dstein`).
+//! A few of the lowest pairs of a symmetric tridiagonal matrix: values by bisection with Sturm counts, vectors by
+//! inverse iteration (as LAPACK's `dstebz` and `dstein`).
 //!
-//! Divide and conquer makes all vectors, at a cost of order `d³`; where few are wanted this one, of order `d m` and `d m²` for the last
-//! orthogonalisation, is several times faster. Its weak spot are clusters. Vectors within one are orthogonalised while they are iterated, all
-//! of them once more at the end, and the outcome is checked.
+//! Divide and conquer makes all vectors, at a cost of order `d³`; where few are wanted this one, of order `d m` and
+//! `d m²` for the last orthogonalisation, is several times faster. Its weak spot are clusters. Vectors within one are
+//! orthogonalised while they are iterated, all of them once more at the end, and the outcome is checked.
 
 use chladni_base::parallel::*;
 
@@ -15,8 +15,8 @@ const LANES: usize = 32;
 /// Halvings of an interval of length 2: what is left is rounding.
 const HALVINGS: usize = 54;
 
-/// Neighbours closer than this, relative to the matrix, are iterated together. Vectors of values further apart are orthogonal up to the
-/// rounding error over it, which the last orthogonalisation repairs.
+/// Neighbours closer than this, relative to the matrix, are iterated together. Vectors of values further apart are
+/// orthogonal up to the rounding error over it, which the last orthogonalisation repairs.
 const CLUSTER: f64 = 1e-5;
 
 /// Solves for each vector.
@@ -25,8 +25,9 @@ const ITERATIONS: usize = 3;
 /// The largest residual, relative to the matrix, of a pair that is believed.
 const RESIDUAL: f64 = 1e-13;
 
-/// The `count` lowest pairs, ascending and orthonormal, of the matrix with this diagonal and, beside it, the first `d − 1` of these numbers.
-/// `None` where the outcome does not hold what it should, or numbers are not finite: then another method is due.
+/// The `count` lowest pairs, ascending and orthonormal, of the matrix with this diagonal and, beside it, the first
+/// `d − 1` of these numbers. `None` where the outcome does not hold what it should, or numbers are not finite: then
+/// another method is due.
 pub(super) fn lowest_few(diagonal: &[f64], off_diagonal: &[f64], count: usize) -> Option<(Vec<f64>, DenseMatrix)> {
     let d = diagonal.len();
     let matrix = Tridiagonal::scaled(diagonal, off_diagonal.get(..d.checked_sub(1)?)?)?;

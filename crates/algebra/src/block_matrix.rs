@@ -90,7 +90,8 @@ const SHORT_ROW: usize = 48;
 pub struct BlockPlaces(HashMap<u32, u32>);
 
 impl BlockPlaces {
-    /// The block of a column in `entries`, which are those of one row all the time; a block of zeros is appended where there is none.
+    /// The block of a column in `entries`, which are those of one row all the time; a block of zeros is appended where
+    /// there is none.
     #[inline]
     pub fn block<'e, const B: usize>(
         &mut self,
@@ -114,7 +115,8 @@ impl BlockPlaces {
 }
 
 impl<const B: usize> BlockMatrix<B> {
-    /// A matrix from the rows that `row` gives as `(column, block)`; they are sorted here. A column may come once in a row.
+    /// A matrix from the rows that `row` gives as `(column, block)`; they are sorted here. A column may come once in a
+    /// row.
     pub fn from_rows(rows: usize, columns: usize, row: impl Fn(usize, &mut Vec<(u32, Block<B>)>) + Sync) -> Self {
         let made = Self::try_from_rows(rows, columns, |r, entries| {
             row(r, entries);
@@ -287,7 +289,8 @@ impl<const B: usize> BlockMatrix<B> {
         }
     }
 
-    /// The same with a look before each row, and now and then within a long one, at whether the product is still wanted.
+    /// The same with a look before each row, and now and then within a long one, at whether the product is still
+    /// wanted.
     ///
     /// # Errors
     /// That of `look`.

@@ -1,4 +1,5 @@
-//! Compact blocks of rows: neighbours in a sparse matrix end up in the same block, so that what a block needs stays in cache.
+//! Compact blocks of rows: neighbours in a sparse matrix end up in the same block, so that what a block needs stays in
+//! cache.
 
 use super::SparseMatrix;
 

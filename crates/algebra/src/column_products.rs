@@ -1,5 +1,5 @@
-//! Products of columns and a vector, several columns at once: what the reduction to tridiagonal form spends half its operations and most of
-//! its time on. The memory bounds them, so that every number of the matrix is read once.
+//! Products of columns and a vector, several columns at once: what the reduction to tridiagonal form spends half its
+//! operations and most of its time on. The memory bounds them, so that every number of the matrix is read once.
 
 use std::ops::Range;
 
@@ -9,8 +9,8 @@ use pulp::Simd;
 const WIDE: usize = 8;
 const NARROW: usize = 4;
 
-/// Adds to `y` what some columns of a symmetric matrix contribute to its product with `x`: `matrix` holds the lower triangle,
-/// column after column of `y.len()` numbers.
+/// Adds to `y` what some columns of a symmetric matrix contribute to its product with `x`: `matrix` holds the lower
+/// triangle, column after column of `y.len()` numbers.
 pub(super) fn add_symmetric(matrix: &[f64], columns: Range<usize>, x: &[f64], y: &mut [f64]) {
     pulp::Arch::new().dispatch(Symmetric { matrix, columns, x, y });
 }

@@ -1,5 +1,5 @@
-//! Gram matrices of columns in single precision, kept as the cycles leave them: sixteen columns to a block. Sums are in double precision, and in an
-//! order that does not depend on the number of threads.
+//! Gram matrices of columns in single precision, kept as the cycles leave them: sixteen columns to a block. Sums are in
+//! double precision, and in an order that does not depend on the number of threads.
 
 use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor};
@@ -12,7 +12,8 @@ use super::{CYCLE_WIDTH, CycleRow, DenseMatrix};
 /// Rows that are multiplied at once.
 const ROWS: usize = 256;
 
-/// `½(XᵀZ + ZᵀX)`, symmetric to the last bit. `x` and `z` are blocks of [`CYCLE_WIDTH`] columns with equal numbers of rows.
+/// `½(XᵀZ + ZᵀX)`, symmetric to the last bit. `x` and `z` are blocks of [`CYCLE_WIDTH`] columns with equal numbers of
+/// rows.
 ///
 /// # Errors
 /// The monitor asked to stop.

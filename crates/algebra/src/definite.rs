@@ -35,8 +35,8 @@ pub enum DefiniteError {
     },
 }
 
-/// `X ← A⁻¹ X` for a symmetric positive definite `A`, `d × d`, of which the lower triangle is read, and `X`, `d × k`. On the threads of
-/// the pool it is called from where that pays.
+/// `X ← A⁻¹ X` for a symmetric positive definite `A`, `d × d`, of which the lower triangle is read, and `X`, `d × k`.
+/// On the threads of the pool it is called from where that pays.
 ///
 /// # Errors
 /// [`DefiniteError`]: sizes that do not fit, a matrix that is not definite; `X` is unchanged then.
@@ -110,8 +110,8 @@ impl DefiniteFactor {
     }
 }
 
-/// Makes the columns of `X`, `d × m`, orthonormal for the inner product in which `gram`, `m × m`, holds their products: `X ← X L⁻ᵀ`
-/// with `gram = L Lᵀ`, which changes each column by those before it alone.
+/// Makes the columns of `X`, `d × m`, orthonormal for the inner product in which `gram`, `m × m`, holds their products:
+/// `X ← X L⁻ᵀ` with `gram = L Lᵀ`, which changes each column by those before it alone.
 ///
 /// # Errors
 /// [`DefiniteError`]: sizes that do not fit, dependent columns; `X` is unchanged then.

@@ -120,8 +120,8 @@ fn product(left: MatRef<'_, f64>, right: MatRef<'_, f64>) -> DenseMatrix {
     product
 }
 
-/// The sum of symmetric matrices of which the lower triangles are set, `q × q`, always in the order in which they are given; symmetric to the last
-/// bit.
+/// The sum of symmetric matrices of which the lower triangles are set, `q × q`, always in the order in which they are
+/// given; symmetric to the last bit.
 pub(super) fn sum_of_lower(parts: &[DenseMatrix], q: usize) -> DenseMatrix {
     let mut sum = DenseMatrix::zeros(q, q);
     for column in 0..q {
@@ -134,8 +134,8 @@ pub(super) fn sum_of_lower(parts: &[DenseMatrix], q: usize) -> DenseMatrix {
     sum
 }
 
-/// The columns of a matrix of so many rows, cut into parts of `each` rows: for each part its piece of every column. What tasks write that own some
-/// rows.
+/// The columns of a matrix of so many rows, cut into parts of `each` rows: for each part its piece of every column.
+/// What tasks write that own some rows.
 pub fn row_parts<T>(values: &mut [T], rows: usize, each: usize) -> Vec<Vec<&mut [T]>> {
     let columns = values.len() / rows.max(1);
     let mut parts: Vec<Vec<&mut [T]>> = (0..rows.div_ceil(each)).map(|_| Vec::with_capacity(columns)).collect();

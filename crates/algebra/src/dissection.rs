@@ -1,5 +1,6 @@
-//! Nested dissection: rows of a symmetric matrix in an order with little fill, by small separators of its graph. What a separator parts is ordered
-//! by all threads at once (docs/decisions/0115). After Karypis and Kumar, *A fast and high quality multilevel scheme for partitioning irregular graphs* (1998).
+//! Nested dissection: rows of a symmetric matrix in an order with little fill, by small separators of its graph. What a
+//! separator parts is ordered by all threads at once (docs/decisions/0115). After Karypis and Kumar, *A fast and high
+//! quality multilevel scheme for partitioning irregular graphs* (1998).
 
 mod coarsen;
 mod graph;
@@ -15,16 +16,19 @@ use super::SparseMatrix;
 use graph::Graph;
 use refine::SEPARATOR;
 
-/// Parts of so few vertices are ordered by minimum degree. With 250 ordering takes a fifth less of the time, and factors have 1.3 % more entries.
+/// Parts of so few vertices are ordered by minimum degree. With 250 ordering takes a fifth less of the time, and
+/// factors have 1.3 % more entries.
 const LEAF: usize = 150;
 
-/// So many dissections within each other: neither side weighs more than .7 of the whole unless a single vertex does, and all rows weigh less than 2³².
+/// So many dissections within each other: neither side weighs more than .7 of the whole unless a single vertex does,
+/// and all rows weigh less than 2³².
 const DEEPEST: usize = 80;
 
 /// Larger parts that could not be dissected stay as they are: minimum degree takes the square of their memory.
 const LARGEST_LEAF: usize = 10_000;
 
-/// The rows of the symmetric `matrix` in an order of elimination that fills in little; the same on any number of threads.
+/// The rows of the symmetric `matrix` in an order of elimination that fills in little; the same on any number of
+/// threads.
 pub(super) fn nested_dissection(matrix: &SparseMatrix) -> Vec<u32> {
     let whole = Graph::of(matrix);
     match whole.compressed() {
@@ -48,8 +52,8 @@ fn ordered(graph: &Graph) -> Vec<u32> {
     order
 }
 
-/// Orders the vertices of a part, whose numbers in the whole are `rows`, ascending, by `deeper` more dissections at most. The part is the whole where
-/// none is given.
+/// Orders the vertices of a part, whose numbers in the whole are `rows`, ascending, by `deeper` more dissections at
+/// most. The part is the whole where none is given.
 fn dissect(part: Option<Graph>, whole: &Graph, rows: Vec<u32>, order: &mut [u32], deeper: usize) {
     let graph = part.as_ref().unwrap_or(whole);
     if graph.len() <= LEAF || deeper == 0 {

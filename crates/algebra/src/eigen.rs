@@ -98,8 +98,8 @@ pub trait SymmetricDefiniteSolver: Sync {
     /// A stable name for logs and metrics.
     fn name(&self) -> &'static str;
 
-    /// The `count` lowest pairs of `A x = λ B x`. Only the lower triangles are read. The matrices are given away, since they may
-    /// be large and are worked on in place.
+    /// The `count` lowest pairs of `A x = λ B x`. Only the lower triangles are read. The matrices are given away, since
+    /// they may be large and are worked on in place.
     ///
     /// # Errors
     /// [`EigenError`] names what is wrong with the pencil.
@@ -112,8 +112,8 @@ pub trait SymmetricDefiniteSolver: Sync {
     ) -> Result<EigenPairs, EigenError>;
 }
 
-/// Cholesky, reduction to a standard problem, tridiagonalisation, divide and conquer, and transformation of the wanted vectors only; all on
-/// the CPU, on the threads of the pool it is called from.
+/// Cholesky, reduction to a standard problem, tridiagonalisation, divide and conquer, and transformation of the wanted
+/// vectors only; all on the CPU, on the threads of the pool it is called from.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct CpuSolver;
 
@@ -245,8 +245,8 @@ pub(super) fn check_finite(matrix: char, values: &DenseMatrix) -> Result<(), Eig
     Ok(())
 }
 
-/// Scales rows and columns of both matrices so that `B` has ones on its diagonal, which makes Cholesky as stable as it can be; gives the
-/// scales, by which eigenvectors have to be multiplied.
+/// Scales rows and columns of both matrices so that `B` has ones on its diagonal, which makes Cholesky as stable as it
+/// can be; gives the scales, by which eigenvectors have to be multiplied.
 fn scale_to_unit_diagonal(a: &mut DenseMatrix, b: &mut DenseMatrix) -> Result<Vec<f64>, EigenError> {
     let d = a.rows();
     let mut scales = Vec::with_capacity(d);
@@ -302,8 +302,8 @@ pub(super) fn from_standard(l: &DenseMatrix, vectors: &mut DenseMatrix) {
     triangular_solve::solve_upper_triangular_in_place(view(l).transpose(), view_mut(vectors), par);
 }
 
-/// `A ← L⁻¹ A L⁻ᵀ` in the lower triangle: by halves, so that nearly all of the `d³` operations are matrix products (as in LAPACK's
-/// dsygst, but recursive).
+/// `A ← L⁻¹ A L⁻ᵀ` in the lower triangle: by halves, so that nearly all of the `d³` operations are matrix products (as
+/// in LAPACK's dsygst, but recursive).
 fn reduce(a: MatMut<'_, f64>, l: MatRef<'_, f64>, par: Par) -> Result<(), EigenError> {
     const SMALL: usize = 64;
     let n = a.nrows();
@@ -408,12 +408,13 @@ pub(super) fn standard_lowest(
 /// Up to one pair in so many is few.
 const FEW: usize = 4;
 
-/// From so large a matrix on. Bisection knows values up to a rounding error of the largest; where a small matrix has entries of very different
-/// sizes, divide and conquer happens to keep more digits of the low ones, and takes no time either.
+/// From so large a matrix on. Bisection knows values up to a rounding error of the largest; where a small matrix has
+/// entries of very different sizes, divide and conquer happens to keep more digits of the low ones, and takes no time
+/// either.
 const LEAST_FEW: usize = 128;
 
-/// The `count` lowest pairs of the symmetric tridiagonal matrix with this diagonal and, beside it, the first `d − 1` of these numbers, by
-/// divide and conquer, or by bisection and inverse iteration where few are wanted.
+/// The `count` lowest pairs of the symmetric tridiagonal matrix with this diagonal and, beside it, the first `d − 1` of
+/// these numbers, by divide and conquer, or by bisection and inverse iteration where few are wanted.
 pub(super) fn tridiagonal_lowest(
     diagonal: &[f64],
     off_diagonal: &[f64],

@@ -134,14 +134,16 @@ impl SymbolicFactor {
         Ok(Self { lower, nodes, patterns, entries, plan, other, terms: OnceLock::new() })
     }
 
-    /// The same where `factors` of them at once, by their own count, take no more memory than `monitor` promises for all of the work. Estimates
-    /// beforehand know the size of a mesh and not how it is connected: triangles at random fill in twenty times as much as a surface.
+    /// The same where `factors` of them at once, by their own count, take no more memory than `monitor` promises for
+    /// all of the work. Estimates beforehand know the size of a mesh and not how it is connected: triangles at random
+    /// fill in twenty times as much as a surface.
     ///
     /// # Errors
     /// [`FactorError::Promise`].
     pub fn within(self, factors: usize, monitor: &dyn Monitor) -> Result<Self, FactorError> {
         let entries = self.entries();
-        // Eight bytes for the entry, two for its place in the pattern; and what the fronts of one factor hold while it is computed.
+        // Eight bytes for the entry, two for its place in the pattern; and what the fronts of one factor hold while it
+        // is computed.
         let held = self.plan.as_ref().map_or(0, |plan| 8 * plan.held);
         let bytes = (10 * entries as u64).saturating_mul(factors as u64).saturating_add(held);
         match monitor.promised_bytes() {
@@ -166,7 +168,8 @@ impl SymbolicFactor {
         self.nodes.iter().map(|node| (cube(node.columns + node.pattern.1) - cube(node.pattern.1)) / 6.0).sum()
     }
 
-    /// Factors `a − shift · b`. Without pivoting first, and where that lets the factors grow, with Bunch–Kaufman pivoting inside supernodes.
+    /// Factors `a − shift · b`. Without pivoting first, and where that lets the factors grow, with Bunch–Kaufman
+    /// pivoting inside supernodes.
     ///
     /// # Errors
     /// [`FactorError::Singular`] where the shift lies on an eigenvalue, [`FactorError::Memory`].
@@ -174,7 +177,8 @@ impl SymbolicFactor {
         self.factor_in(a, b, shift, Vec::new())
     }
 
-    /// The same in the [storage](Factor::into_storage) of a factor that is no longer needed: fresh memory costs a third of the time.
+    /// The same in the [storage](Factor::into_storage) of a factor that is no longer needed: fresh memory costs a third
+    /// of the time.
     ///
     /// # Errors
     /// As for [`factor`](Self::factor).
@@ -216,8 +220,9 @@ impl SymbolicFactor {
         }
     }
 
-    /// As [`factor_in`](Self::factor_in), with pivots from the beginning: slower, and its [uncertainty](Factor::uncertainty) may be far smaller,
-    /// since small pivots that others do well with make large entries.
+    /// As [`factor_in`](Self::factor_in), with pivots from the beginning: slower, and its
+    /// [uncertainty](Factor::uncertainty) may be far smaller, since small pivots that others do well with make large
+    /// entries.
     ///
     /// # Errors
     /// As for [`factor`](Self::factor).
@@ -471,8 +476,8 @@ impl std::fmt::Debug for Factor<'_> {
     }
 }
 
-/// The numbers of a factor without the structure that they belong to: to be kept where a factor cannot borrow. `L` may be in single precision;
-/// arithmetic is not.
+/// The numbers of a factor without the structure that they belong to: to be kept where a factor cannot borrow. `L` may
+/// be in single precision; arithmetic is not.
 pub struct FactorNumbers<T = f64> {
     pub(super) values: Vec<T>,
     pub(super) inverse: Vec<f64>,
@@ -480,8 +485,9 @@ pub struct FactorNumbers<T = f64> {
 }
 
 impl FactorNumbers {
-    /// The same with `L` rounded to single precision: half of the memory, which is what the time of a solve for one right-hand side goes into. It is
-    /// the factor of a matrix whose entries differ by some `6e-8` of the products that they are sums of.
+    /// The same with `L` rounded to single precision: half of the memory, which is what the time of a solve for one
+    /// right-hand side goes into. It is the factor of a matrix whose entries differ by some `6e-8` of the products that
+    /// they are sums of.
     pub fn into_single(self) -> FactorNumbers<f32> {
         let Self { values, inverse, pivoting } = self;
         FactorNumbers { values: values.into_iter().map(|value| value as f32).collect(), inverse, pivoting }
@@ -489,8 +495,9 @@ impl FactorNumbers {
 }
 
 impl<T> FactorNumbers<T> {
-    /// Sets the solution to zero in a row that none after it depends on by elimination, such as the last of a component, instead of dividing by its
-    /// pivot: where that is next to nothing since the matrix is singular but for rounding. Nothing changes in a factor whose rows were exchanged.
+    /// Sets the solution to zero in a row that none after it depends on by elimination, such as the last of a
+    /// component, instead of dividing by its pivot: where that is next to nothing since the matrix is singular but for
+    /// rounding. Nothing changes in a factor whose rows were exchanged.
     pub fn ground(&mut self, row: usize) {
         if let (None, Some(inverse)) = (&self.pivoting, self.inverse.get_mut(row)) {
             *inverse = 0.0;
@@ -514,19 +521,21 @@ impl Factor<'_> {
         FactorNumbers { values, inverse, pivoting }
     }
 
-    /// How many eigenvalues of the pencil lie below the shift, with multiplicity (Sylvester's law of inertia), if `B` is positive
-    /// definite.
+    /// How many eigenvalues of the pencil lie below the shift, with multiplicity (Sylvester's law of inertia), if `B`
+    /// is positive definite.
     pub fn eigenvalues_below(&self) -> usize {
         self.below
     }
 
-    /// The first row whose pivot is negative, in the order of elimination; the first of two where they were eliminated together.
+    /// The first row whose pivot is negative, in the order of elimination; the first of two where they were eliminated
+    /// together.
     pub fn first_below(&self) -> Option<usize> {
         let negative = self.inverse.iter().position(|&inverse| inverse < 0.0)?;
         Some(self.pivoting.as_ref().map_or(negative, |pivoting| pivoting.order[negative] as usize))
     }
 
-    /// The largest `l²|d|` over the largest entry of the shifted matrix: rounding errors of the factors are about 1e-16 times this.
+    /// The largest `l²|d|` over the largest entry of the shifted matrix: rounding errors of the factors are about 1e-16
+    /// times this.
     pub fn growth(&self) -> f64 {
         self.growth
     }

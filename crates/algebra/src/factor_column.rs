@@ -1,5 +1,6 @@
-//! Solving with a sparse factor for one right-hand side. A panel of 32 columns reads every entry of `L` once for all of them and multiplies 32 times;
-//! one column alone is done in the time in which the factor is read, twice, or less where the right-hand side has few entries.
+//! Solving with a sparse factor for one right-hand side. A panel of 32 columns reads every entry of `L` once for all of
+//! them and multiplies 32 times; one column alone is done in the time in which the factor is read, twice, or less where
+//! the right-hand side has few entries.
 
 mod tree;
 
@@ -13,12 +14,12 @@ pub use tree::ColumnTree;
 /// Columns of a supernode that are eliminated together: what they share of a row is loaded and stored once.
 const TOGETHER: usize = 4;
 
-/// Rows that are handled side by side. What lies behind the last row of a column is read with them and counts for nothing: most columns are so short
-/// that the rows left over would take longer than all others.
+/// Rows that are handled side by side. What lies behind the last row of a column is read with them and counts for
+/// nothing: most columns are so short that the rows left over would take longer than all others.
 const LANES: usize = 8;
 
-/// Eliminates consecutive supernodes from a column, or substitutes in them in the opposite order. `scratch` is as long as the widest of them, or its
-/// rows below in whole lanes.
+/// Eliminates consecutive supernodes from a column, or substitutes in them in the opposite order. `scratch` is as long
+/// as the widest of them, or its rows below in whole lanes.
 fn sweep<T: Scalar>(factor: Parts<'_, T>, stretch: Stretch<'_>, forward: bool, x: &mut [f64], scratch: &mut [f64]) {
     let Parts { values, inverse, pivoting, .. } = factor;
     vectorized(
@@ -30,7 +31,8 @@ fn sweep<T: Scalar>(factor: Parts<'_, T>, stretch: Stretch<'_>, forward: bool, x
                     let part = Part::new(&stretch, values, node);
                     let (head, tail) = x.split_at_mut(part.end);
                     let top = &mut head[part.end - part.columns..];
-                    // Below the rows that the right-hand side begins with, only their ancestors in the elimination tree are reached.
+                    // Below the rows that the right-hand side begins with, only their ancestors in the elimination tree
+                    // are reached.
                     if top.iter().all(|&x| x == 0.0) {
                         continue;
                     }

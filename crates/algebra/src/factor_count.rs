@@ -16,8 +16,9 @@ pub struct EigenvalueCount {
 }
 
 impl SymbolicFactor {
-    /// What the [factor](Self::factor) of `a − shift · b` says about eigenvalues, without keeping it: each of its columns is dropped once it was
-    /// eliminated, so that this takes a small part of the memory. Where pivots are needed it takes all of that of a factor.
+    /// What the [factor](Self::factor) of `a − shift · b` says about eigenvalues, without keeping it: each of its
+    /// columns is dropped once it was eliminated, so that this takes a small part of the memory. Where pivots are
+    /// needed it takes all of that of a factor.
     ///
     /// # Errors
     /// As for [`factor`](Self::factor).

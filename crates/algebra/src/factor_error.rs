@@ -24,13 +24,13 @@ pub(super) fn enclosed(b: &MassMatrix, most: f64) -> f64 {
 }
 
 impl Factor<'_> {
-    /// How far the eigenvalues of the pencil may lie from those of the pencil that this is the exact factor of: the [count](Self::eigenvalues_below)
-    /// at the shift `μ` is at least the number of eigenvalues below `μ` less this, and at most the number below `μ` plus this. In the units of the
-    /// shift.
+    /// How far the eigenvalues of the pencil may lie from those of the pencil that this is the exact factor of: the
+    /// [count](Self::eigenvalues_below) at the shift `μ` is at least the number of eigenvalues below `μ` less this, and
+    /// at most the number below `μ` plus this. In the units of the shift.
     ///
-    /// `a`, `b` and `shift` are what was factored. Rounding errors of the factor are at most `γ |L| |D| |Lᵀ|` entry by entry, with `γ` by the number
-    /// of terms that a row sums (Higham 2002, theorem 11.3), and those of the shifted matrix a few units of its terms; row sums over the lumped mass
-    /// bound what they do to an eigenvalue.
+    /// `a`, `b` and `shift` are what was factored. Rounding errors of the factor are at most `γ |L| |D| |Lᵀ|` entry by
+    /// entry, with `γ` by the number of terms that a row sums (Higham 2002, theorem 11.3), and those of the shifted
+    /// matrix a few units of its terms; row sums over the lumped mass bound what they do to an eigenvalue.
     pub fn uncertainty(&self, a: &SparseMatrix, b: &MassMatrix, shift: f64) -> f64 {
         let n = self.symbolic.size();
         if a.rows() != n || b.size() != n {
@@ -39,8 +39,9 @@ impl Factor<'_> {
         enclosed(b, self.row_errors(a, b, shift).into_iter().fold(0.0, larger))
     }
 
-    /// For each row `i` a bound `ρ_i` of the sum of the magnitudes of its rounding errors, over its lumped mass: with the errors `E`, which are
-    /// symmetric, `|xᵀE x| ≤ Σ_i ρ_i m_i x_i²` for every `x`. `a`, `b` and `shift` are what was factored.
+    /// For each row `i` a bound `ρ_i` of the sum of the magnitudes of its rounding errors, over its lumped mass: with
+    /// the errors `E`, which are symmetric, `|xᵀE x| ≤ Σ_i ρ_i m_i x_i²` for every `x`. `a`, `b` and `shift` are what
+    /// was factored.
     ///
     /// # Panics
     /// Where the matrices have another number of rows than the factor.

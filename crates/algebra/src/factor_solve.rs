@@ -1,5 +1,6 @@
-//! Solving with a sparse factor for several right-hand sides at once: rows of a panel are contiguous, so every entry of `L` meets whole
-//! vector registers. For 32 of them three to six times faster than solving column after column where it was measured.
+//! Solving with a sparse factor for several right-hand sides at once: rows of a panel are contiguous, so every entry of
+//! `L` meets whole vector registers. For 32 of them three to six times faster than solving column after column where it
+//! was measured.
 
 mod reach;
 mod tree;

@@ -1,7 +1,9 @@
-//! The structure of a factor: its supernodes and the rows below them, for a matrix in a postorder of its elimination tree.
+//! The structure of a factor: its supernodes and the rows below them, for a matrix in a postorder of its elimination
+//! tree.
 //!
-//! One sweep over the columns does. The rows of a column of `L` are those of the matrix and those of its children in the tree, which in a postorder
-//! come right before it; a column that brings no row of its own and has one child continues the supernode of that (Liu, Ng and Peyton 1993).
+//! One sweep over the columns does. The rows of a column of `L` are those of the matrix and those of its children in
+//! the tree, which in a postorder come right before it; a column that brings no row of its own and has one child
+//! continues the supernode of that (Liu, Ng and Peyton 1993).
 
 use std::ops::Range;
 
@@ -72,7 +74,8 @@ impl Lower {
     }
 }
 
-/// The entries of a column from its diagonal on, which by symmetry are those of the row: the row, and the positions in `A` and in `B`.
+/// The entries of a column from its diagonal on, which by symmetry are those of the row: the row, and the positions in
+/// `A` and in `B`.
 fn column<'a>(a: &'a SparseMatrix, b: &'a MassMatrix, row: usize) -> impl Iterator<Item = (u32, u32, u32)> + 'a {
     let from = |matrix: &'a SparseMatrix| {
         let columns = matrix.row(row).0;
@@ -108,8 +111,8 @@ struct Fundamental {
     first: usize,
 }
 
-/// A supernode takes the one before it if the share of zeros in what they become is no more than this for so many columns: what
-/// faer takes as well.
+/// A supernode takes the one before it if the share of zeros in what they become is no more than this for so many
+/// columns: what faer takes as well.
 const ZEROS: [(usize, f64); 4] = [(4, 1.0), (16, 0.8), (48, 0.1), (usize::MAX, 0.05)];
 
 /// The supernodes and the rows below each, or nothing where the order is no postorder.

@@ -1,8 +1,9 @@
 //! Restricting a sparse pencil to a space of locally supported functions: `UᵀSU` and `UᵀMU`.
 //!
-//! The rows of `U` are gathered into cells, one for each column: the rows whose largest entry lies there. The rows of a cell share most
-//! of their columns, so that a cell is a small dense product; products are added row by row of the result, always in the order of the
-//! cells. That makes the result independent of the number of threads, needs no locks, and lets dense kernels do the work.
+//! The rows of `U` are gathered into cells, one for each column: the rows whose largest entry lies there. The rows of a
+//! cell share most of their columns, so that a cell is a small dense product; products are added row by row of the
+//! result, always in the order of the cells. That makes the result independent of the number of threads, needs no
+//! locks, and lets dense kernels do the work.
 
 use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor, Spare};
@@ -32,15 +33,16 @@ pub enum GalerkinError {
 /// A cell with more rows than this is worked on in parts.
 const ROWS_PER_PART: usize = 256;
 
-/// Numbers of small products that may be held at once, as a multiple of what the entries of `U` explain, up to so many a row. A space whose functions
-/// are not local exceeds it and takes the row-wise way.
+/// Numbers of small products that may be held at once, as a multiple of what the entries of `U` explain, up to so many
+/// a row. A space whose functions are not local exceeds it and takes the row-wise way.
 const PRODUCTS_PER_ENTRY: usize = 24;
 const MOST_ENTRIES_A_ROW: usize = 24;
 
 /// `S̄ = UᵀSU` and `M̄ = UᵀMU`, `d × d`, both triangles stored and symmetric to the last bit.
 ///
-/// `space` is `U`, `n × d`, about fifteen entries a row; `stiffness` is symmetric. Entries that are exactly zero are left out. Where functions are local, a
-/// row of `S` whose entries sum to zero but for rounding is taken to sum to zero.
+/// `space` is `U`, `n × d`, about fifteen entries a row; `stiffness` is symmetric. Entries that are exactly zero are
+/// left out. Where functions are local, a row of `S` whose entries sum to zero but for rounding is taken to sum to
+/// zero.
 ///
 /// # Errors
 /// [`GalerkinError`]: sizes that do not fit, or the work was cancelled.
@@ -373,8 +375,9 @@ impl Workspace {
 /// A row that sums to less than this share of its magnitudes sums to zero, but for rounding.
 const ROUNDED: f64 = 64.0 * f64::EPSILON;
 
-/// [`combine`] with the row `own` of the block taken from every other, and added so many times as weights sum to. Where they sum to zero and are large,
-/// as around a needle, the sum of products would be all rounding: functions differ little there, and what counts is by how much.
+/// [`combine`] with the row `own` of the block taken from every other, and added so many times as weights sum to. Where
+/// they sum to zero and are large, as around a needle, the sum of products would be all rounding: functions differ
+/// little there, and what counts is by how much.
 #[inline(always)]
 fn differences(
     (columns, weights): (&[u32], &[f64]),

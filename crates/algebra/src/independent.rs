@@ -1,11 +1,13 @@
-//! Which columns of a matrix are independent of the others, by a Cholesky factorisation with pivots of their Gram matrix.
+//! Which columns of a matrix are independent of the others, by a Cholesky factorisation with pivots of their Gram
+//! matrix.
 
 use chladni_base::parallel::*;
 
 use super::DenseMatrix;
 
-/// The columns, ascending, that a greedy choice keeps: always the one farthest from the span of those it already has, until none is farther
-/// than `least` times its own length. `gram`, `d × d` and symmetric, holds the products of the columns; a column of length zero is never kept.
+/// The columns, ascending, that a greedy choice keeps: always the one farthest from the span of those it already has,
+/// until none is farther than `least` times its own length. `gram`, `d × d` and symmetric, holds the products of the
+/// columns; a column of length zero is never kept.
 pub fn independent_columns(gram: &DenseMatrix, least: f64) -> Vec<usize> {
     let d = gram.rows().min(gram.columns());
     let scales: Vec<f64> = (0..d)

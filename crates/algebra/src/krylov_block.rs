@@ -1,5 +1,5 @@
-//! Blocks of eight columns, and their products with a wide basis: what a block Lanczos iteration works on. They are bounded by the reading of the
-//! basis, which is why they have kernels of their own beside those of panels.
+//! Blocks of eight columns, and their products with a wide basis: what a block Lanczos iteration works on. They are
+//! bounded by the reading of the basis, which is why they have kernels of their own beside those of panels.
 
 use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor};
@@ -7,7 +7,8 @@ use pulp::Simd;
 
 use super::{MassMatrix, PANEL_WIDTH, PanelMatrix, SparseMatrix, WeightedMass, vectorized};
 
-/// Columns of a block: enough for a cache line, and few enough for the spaces that are made of them to grow by powers of the operator.
+/// Columns of a block: enough for a cache line, and few enough for the spaces that are made of them to grow by powers
+/// of the operator.
 pub const KRYLOV_WIDTH: usize = 8;
 
 /// One row of a block.
@@ -152,8 +153,8 @@ pub fn block_times_square(x: &mut [KrylovRow], r: &KrylovSquare) {
     });
 }
 
-/// `BᵀY` for a basis of `q` columns, those of panels and then those of blocks, and some blocks `Y`: for each a row for each column of the basis,
-/// which is read once for all of them.
+/// `BᵀY` for a basis of `q` columns, those of panels and then those of blocks, and some blocks `Y`: for each a row for
+/// each column of the basis, which is read once for all of them.
 ///
 /// # Errors
 /// The monitor asked to stop.
@@ -256,7 +257,8 @@ pub fn subtract_from_blocks<const K: usize>(
 /// Puts blocks behind the columns of a basis, in memory of panels that are not needed any more where there are such.
 ///
 /// # Panics
-/// Where they have another number of rows, the columns do not end with a panel, or there are more blocks than make up a panel.
+/// Where they have another number of rows, the columns do not end with a panel, or there are more blocks than make up a
+/// panel.
 pub fn append_blocks(basis: &mut PanelMatrix, blocks: &[Vec<KrylovRow>], spare: &mut Vec<Vec<f64>>) {
     let columns = basis.columns();
     blocks.iter().for_each(|block| assert_eq!(basis.rows(), block.len(), "rows of a basis and a block"));

@@ -8,8 +8,9 @@ pub const LIFT_WIDTH: usize = 32;
 /// Lifts rows of `U φ̄` for a sparse `U`, `n × d`, and a dense `φ̄`, `d × m`.
 pub struct RowLifter<'a> {
     space: &'a SparseMatrix<f32>,
-    /// `φ̄` in panels of [`LIFT_WIDTH`] columns, each row after row; the last is padded with zeros. Whole rows one after the other would
-    /// lie a multiple of 4 KiB apart where `m` is near one of 512, and evict each other from the cache.
+    /// `φ̄` in panels of [`LIFT_WIDTH`] columns, each row after row; the last is padded with zeros. Whole rows one
+    /// after the other would lie a multiple of 4 KiB apart where `m` is near one of 512, and evict each other from the
+    /// cache.
     panels: Vec<Vec<[f64; LIFT_WIDTH]>>,
 }
 
@@ -32,7 +33,8 @@ impl<'a> RowLifter<'a> {
         Self { space, panels }
     }
 
-    /// Entries of the columns of panel `p`, `32 p..32 (p + 1)`, in the given rows; zeros for columns that there are not.
+    /// Entries of the columns of panel `p`, `32 p..32 (p + 1)`, in the given rows; zeros for columns that there are
+    /// not.
     pub fn lift(&self, rows: &[u32], panel: usize, out: &mut [[f64; LIFT_WIDTH]]) {
         let panel = self.panels.get(panel).map_or(&[][..], |panel| &panel[..]);
         vectorized(

@@ -62,8 +62,8 @@ impl MassMatrix {
         self.principal(order)
     }
 
-    /// The mass of some unknowns alone: number `k` is what was `rows[k]`, each at most once. What is less than a multiple of a matrix is so on some
-    /// of its rows.
+    /// The mass of some unknowns alone: number `k` is what was `rows[k]`, each at most once. What is less than a
+    /// multiple of a matrix is so on some of its rows.
     pub fn principal(&self, rows: &[u32]) -> Self {
         match self {
             Self::Diagonal(mass) => Self::Diagonal(rows.iter().map(|&row| mass[row as usize]).collect()),
@@ -96,7 +96,8 @@ impl MassMatrix {
         dense
     }
 
-    /// The sums of the rows: the matrix itself where it is diagonal, and what lumping makes of it otherwise; the weights of a weighted one.
+    /// The sums of the rows: the matrix itself where it is diagonal, and what lumping makes of it otherwise; the
+    /// weights of a weighted one.
     pub fn lumped(&self) -> Vec<f64> {
         match self {
             Self::Diagonal(diagonal) => diagonal.clone(),
@@ -105,8 +106,9 @@ impl MassMatrix {
         }
     }
 
-    /// By how much the lumped mass may exceed the matrix: `lumped ≤ ratio · M` as quadratic forms. Of a consistent mass the smallest eigenvalue on a
-    /// triangle is a quarter of the lumped one, on a tetrahedron a fifth, and what holds on each holds for their sum.
+    /// By how much the lumped mass may exceed the matrix: `lumped ≤ ratio · M` as quadratic forms. Of a consistent mass
+    /// the smallest eigenvalue on a triangle is a quarter of the lumped one, on a tetrahedron a fifth, and what holds
+    /// on each holds for their sum.
     pub fn lumped_ratio(&self) -> f64 {
         match self {
             Self::Diagonal(_) => 1.0,

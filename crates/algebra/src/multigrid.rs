@@ -1,14 +1,15 @@
 //! An algebraic multigrid cycle for `S + σM`, any σ > 0, on sixteen right-hand sides at once, in single precision.
 //!
-//! Smoothed aggregation (Vaněk, Mandel and Brezina 1996): vertices are gathered into aggregates of strongly connected neighbours, the
-//! piecewise constant prolongation is smoothed once, coarse matrices are the restrictions `PᵀSP`, semi-definite like `S` itself. The
-//! smoother is a Chebyshev polynomial of the matrix scaled by its absolute row sums, which bound its spectrum whatever the mesh. The
-//! coarsest level is diagonalised once, so that σ may differ from call to call.
+//! Smoothed aggregation (Vaněk, Mandel and Brezina 1996): vertices are gathered into aggregates of strongly connected
+//! neighbours, the piecewise constant prolongation is smoothed once, coarse matrices are the restrictions `PᵀSP`,
+//! semi-definite like `S` itself. The smoother is a Chebyshev polynomial of the matrix scaled by its absolute row sums,
+//! which bound its spectrum whatever the mesh. The coarsest level is diagonalised once, so that σ may differ from call
+//! to call.
 //!
-//! On the finest level a panel exceeds the cache, and time is memory traffic: each patch of rows is taken through all smoothing steps at once, with
-//! rings of neighbours around it. Steps cost little there, and most of them come last: what a cycle leaves is measured in the norm of the inverse
-//! mass, in which the highest frequencies weigh most, the more so the finer the mesh. So the cycle is not symmetric, and no preconditioner for
-//! conjugate gradients.
+//! On the finest level a panel exceeds the cache, and time is memory traffic: each patch of rows is taken through all
+//! smoothing steps at once, with rings of neighbours around it. Steps cost little there, and most of them come last:
+//! what a cycle leaves is measured in the norm of the inverse mass, in which the highest frequencies weigh most, the
+//! more so the finer the mesh. So the cycle is not symmetric, and no preconditioner for conjugate gradients.
 
 mod aggregate;
 mod coarsest;
@@ -45,14 +46,15 @@ const COARSEST: usize = 160;
 /// Levels at most; a level that shrinks by less than a quarter is the last.
 const MOST_LEVELS: usize = 12;
 
-/// The degree of the smoother before and after the coarse correction on the matrix itself. Bounds of 500 approximate pairs after one cycle, in
-/// percent of the value on average: igea with 134,345 vertices 6.3 with degrees 2 and 2, 4.6 with 2 and 3, 3.9 with 1 and 5, 3.6 with 1 and 7;
-/// subdivided once, 7.2 with 2 and 3, 5.4 with 1 and 5, 5.0 with 1 and 7, and with 2 and 2 not close enough, so that a second cycle was due;
-/// subdivided twice, a third.
+/// The degree of the smoother before and after the coarse correction on the matrix itself. Bounds of 500 approximate
+/// pairs after one cycle, in percent of the value on average: igea with 134,345 vertices 6.3 with degrees 2 and 2, 4.6
+/// with 2 and 3, 3.9 with 1 and 5, 3.6 with 1 and 7; subdivided once, 7.2 with 2 and 3, 5.4 with 1 and 5, 5.0 with 1
+/// and 7, and with 2 and 2 not close enough, so that a second cycle was due; subdivided twice, a third.
 pub(crate) const BEFORE: usize = 1;
 pub(crate) const AFTER: usize = 5;
 
-/// The same on coarser levels: estimates of errors are 4 % larger, and as much closer, than with two and two; more cycles there gain little.
+/// The same on coarser levels: estimates of errors are 4 % larger, and as much closer, than with two and two; more
+/// cycles there gain little.
 pub(crate) const COARSE_BEFORE: usize = 2;
 pub(crate) const COARSE_AFTER: usize = 4;
 
@@ -139,7 +141,8 @@ impl From<EigenError> for MultigridError {
 
 impl Multigrid {
     /// The hierarchy of `S + cM`, `n × n` and positive semi-definite; `S` is `stiffness`, its rows in a compact order
-    /// ([`compact_order`](super::compact_order) with [`PATCH_ROWS`](super::PATCH_ROWS)), `c` is `floor`, `M` the lumped `mass`, positive.
+    /// ([`compact_order`](super::compact_order) with [`PATCH_ROWS`](super::PATCH_ROWS)), `c` is `floor`, `M` the lumped
+    /// `mass`, positive.
     ///
     /// # Errors
     /// [`MultigridError`]: masses that are not positive, or cancellation.
@@ -202,8 +205,8 @@ impl Multigrid {
         self.workspace_of(None)
     }
 
-    /// Memory for one panel at a time, which all threads work on together. Sums on coarse levels are in another order, and results the same up to
-    /// rounding, whatever the number of threads.
+    /// Memory for one panel at a time, which all threads work on together. Sums on coarse levels are in another order,
+    /// and results the same up to rounding, whatever the number of threads.
     pub fn shared_workspace(&self) -> CycleWorkspace {
         let n = self.finest.as_ref().map_or(0, |finest| finest.diagonal.mass.len());
         self.workspace_of(Some(vec![[0.0; CYCLE_WIDTH]; n]))
@@ -225,9 +228,10 @@ impl Multigrid {
         }
     }
 
-    /// `y`, an approximation of `(S + (c + σ) M)⁻¹ b`: one V-cycle from zero. `sigma` is positive, `right` holds `b`. Calls `visit` for each patch with
-    /// `y` on the patch and its first ring, which may be changed, and with what `targets` have for it; the answers are in the order of the patches. In
-    /// a shared workspace patches are visited by many threads at once.
+    /// `y`, an approximation of `(S + (c + σ) M)⁻¹ b`: one V-cycle from zero. `sigma` is positive, `right` holds `b`.
+    /// Calls `visit` for each patch with `y` on the patch and its first ring, which may be changed, and with what
+    /// `targets` have for it; the answers are in the order of the patches. In a shared workspace patches are visited by
+    /// many threads at once.
     ///
     /// # Panics
     /// Where `right` has another number of rows than the matrix, or there is not a target for each patch.
@@ -369,7 +373,8 @@ impl Finest {
         smoothed.copy_from_slice(&local.x[..smoothed.len()]);
     }
 
-    /// Adds the coarse correction on a patch and smooths: the result, in `local.x`, holds on the patch and its first ring.
+    /// Adds the coarse correction on a patch and smooths: the result, in `local.x`, holds on the patch and its first
+    /// ring.
     fn up(
         &self,
         patch: &Patch,

@@ -16,8 +16,9 @@ pub enum Ordering {
     NestedDissection,
 }
 
-/// An order in which the symmetric `matrix` fills in little when it is factored: entry `k` is the row that comes `k`-th. It is a postorder of
-/// the elimination tree, without which supernodes would be three times narrower. The same matrix always gets the same order.
+/// An order in which the symmetric `matrix` fills in little when it is factored: entry `k` is the row that comes
+/// `k`-th. It is a postorder of the elimination tree, without which supernodes would be three times narrower. The same
+/// matrix always gets the same order.
 ///
 /// # Errors
 /// [`FactorError`]: a matrix that is not square, too large to be counted in 32 bits, or no memory.
@@ -51,8 +52,8 @@ fn minimum_degree(matrix: &SparseMatrix) -> Result<Vec<u32>, FactorError> {
     Ok(order.into_iter().map(|row| row as u32).collect())
 }
 
-/// The given order of all rows of the symmetric `matrix` as a postorder of its elimination tree, which has the same fill: what an order that was
-/// found for a part of the matrix needs.
+/// The given order of all rows of the symmetric `matrix` as a postorder of its elimination tree, which has the same
+/// fill: what an order that was found for a part of the matrix needs.
 ///
 /// # Panics
 /// Where it is not an order of the rows.

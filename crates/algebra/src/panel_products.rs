@@ -1,5 +1,5 @@
-//! Products with panel matrices: Gram matrices, rotations, prolongation, residuals. Threads share the rows or the columns in a way that
-//! does not depend on their number, so that results do not either.
+//! Products with panel matrices: Gram matrices, rotations, prolongation, residuals. Threads share the rows or the
+//! columns in a way that does not depend on their number, so that results do not either.
 
 use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor};

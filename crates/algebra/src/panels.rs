@@ -13,8 +13,8 @@ const ROWS_AT_ONCE: usize = 256;
 /// One row of a panel.
 pub(super) type PanelRow = [f64; PANEL_WIDTH];
 
-/// A dense `rows × columns` matrix of f64 in panels of [`PANEL_WIDTH`] columns, each stored row after row. Unused columns of
-/// the last panel are zero.
+/// A dense `rows × columns` matrix of f64 in panels of [`PANEL_WIDTH`] columns, each stored row after row. Unused
+/// columns of the last panel are zero.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct PanelMatrix {
     rows: usize,
@@ -40,8 +40,9 @@ impl PanelMatrix {
         panels
     }
 
-    /// The matrix with `rows` rows of which row `places[i]` is row `i` of this one times a factor for each column; the others are zero. Each panel
-    /// is given back before the next is taken, so that there is never a second copy of the whole.
+    /// The matrix with `rows` rows of which row `places[i]` is row `i` of this one times a factor for each column; the
+    /// others are zero. Each panel is given back before the next is taken, so that there is never a second copy of the
+    /// whole.
     pub fn spread(self, rows: usize, places: &[u32], factors: &[f64]) -> Self {
         let columns = self.columns;
         // The memory of each panel serves for the next.
@@ -158,8 +159,8 @@ impl PanelMatrix {
         }
     }
 
-    /// Adds columns until there are so many, in memory of panels that are not needed any more: what stands in it stays, so that every row is to be
-    /// written.
+    /// Adds columns until there are so many, in memory of panels that are not needed any more: what stands in it stays,
+    /// so that every row is to be written.
     pub(super) fn widen_into(&mut self, columns: usize, spare: &mut Vec<Vec<f64>>) {
         let length = self.rows * PANEL_WIDTH;
         while self.panels.len() < columns.div_ceil(PANEL_WIDTH) {

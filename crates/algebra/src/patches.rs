@@ -1,5 +1,5 @@
-//! A sparse symmetric matrix cut into patches of rows that fit the cache, each with rings of neighbours around it: several products in a row
-//! need one pass over memory, at the price of computing the rings twice.
+//! A sparse symmetric matrix cut into patches of rows that fit the cache, each with rings of neighbours around it:
+//! several products in a row need one pass over memory, at the price of computing the rings twice.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -15,11 +15,12 @@ pub const PATCH_ROWS: usize = 2560;
 /// Rings around a patch.
 pub const RINGS: usize = 6;
 
-/// Where patches with their rings hold more rows than this many times the matrix (a hub whose neighbours are everywhere), patches grow.
+/// Where patches with their rings hold more rows than this many times the matrix (a hub whose neighbours are
+/// everywhere), patches grow.
 const MOST_OVERLAP: usize = 2;
 
-/// Consecutive rows of a matrix, with what [`RINGS`] products in a row reach from there. Numbers of rows are local: first the rows of the patch, then
-/// ring after ring.
+/// Consecutive rows of a matrix, with what [`RINGS`] products in a row reach from there. Numbers of rows are local:
+/// first the rows of the patch, then ring after ring.
 #[derive(Debug)]
 pub struct Patch {
     rows: Range<usize>,
@@ -142,7 +143,8 @@ impl Patch {
     }
 }
 
-/// Patches of a symmetric matrix whose rows are in a compact order ([`compact_order`](super::compact_order) with [`PATCH_ROWS`]).
+/// Patches of a symmetric matrix whose rows are in a compact order ([`compact_order`](super::compact_order) with
+/// [`PATCH_ROWS`]).
 ///
 /// # Panics
 /// Where the mass matrix has another size than the matrix.
@@ -205,8 +207,8 @@ pub fn patches(matrix: &SparseMatrix, mass: &MassMatrix) -> Vec<Patch> {
         .collect()
 }
 
-/// The rows and ring after ring around them, with where each ring ends, and their local numbers left in `numbers`; nothing, and `numbers` as before,
-/// where they would be more than `most`.
+/// The rows and ring after ring around them, with where each ring ends, and their local numbers left in `numbers`;
+/// nothing, and `numbers` as before, where they would be more than `most`.
 fn grow(
     matrix: &SparseMatrix,
     mass: Option<&SparseMatrix>,

@@ -1,5 +1,6 @@
-//! How many eigenvalues lie below a shift, for whoever doubts it: a factorisation that shares nothing with [`SymbolicFactor`](super::SymbolicFactor)
-//! but the matrices. Order, supernodes and Bunch–Kaufman pivots inside them are all faer's.
+//! How many eigenvalues lie below a shift, for whoever doubts it: a factorisation that shares nothing with
+//! [`SymbolicFactor`](super::SymbolicFactor) but the matrices. Order, supernodes and Bunch–Kaufman pivots inside them
+//! are all faer's.
 
 use faer::Par;
 use faer::Side;
@@ -16,10 +17,11 @@ use faer::sparse::{SparseColMat, Triplet};
 use super::{FactorError, MassMatrix, SparseMatrix, WeightedMass};
 use chladni_base::Monitor;
 
-/// The number of eigenvalues of the pencil `(a, b)` below `shift`, with multiplicity, by the inertia of `a − shift · b` (Sylvester).
+/// The number of eigenvalues of the pencil `(a, b)` below `shift`, with multiplicity, by the inertia of `a − shift · b`
+/// (Sylvester).
 ///
-/// Both are symmetric with both triangles stored, `b` is positive definite. Rounding errors are not enclosed: the count of a shift next to an
-/// eigenvalue may be off.
+/// Both are symmetric with both triangles stored, `b` is positive definite. Rounding errors are not enclosed: the count
+/// of a shift next to an eigenvalue may be off.
 ///
 /// # Errors
 /// [`FactorError`]: sizes that do not fit, no memory, a factor that takes more of it than `monitor` promises, or a shift on an eigenvalue.

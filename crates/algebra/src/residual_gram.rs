@@ -75,8 +75,8 @@ pub fn residual_gram(
     Ok(sum_of_lower(&parts, q))
 }
 
-/// Sums over `t = |A| |x| + (|θ| + |offset|) |M| |x|`, the magnitudes that the residual of one column is a difference of: rounding errors are a few
-/// units of them.
+/// Sums over `t = |A| |x| + (|θ| + |offset|) |M| |x|`, the magnitudes that the residual of one column is a difference
+/// of: rounding errors are a few units of them.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Magnitudes {
     /// `‖t‖²`.
@@ -87,7 +87,8 @@ pub struct Magnitudes {
     pub product: f64,
 }
 
-/// The magnitudes of every column of `x` with its value; `offset` is the part of the values that was taken off the matrix.
+/// The magnitudes of every column of `x` with its value; `offset` is the part of the values that was taken off the
+/// matrix.
 ///
 /// # Errors
 /// The monitor asked to stop.

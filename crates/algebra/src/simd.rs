@@ -4,8 +4,9 @@ pub use pulp::{Arch, Simd, WithSimd};
 
 /// Runs `body` compiled for the widest vectors that this machine has.
 ///
-/// `body` must not capture what it changes: that goes through `argument`. A closure that is only `FnMut` would be called through a
-/// shim, which is compiled without those vectors (three times slower where it was measured). Mark it `#[inline(always)]`.
+/// `body` must not capture what it changes: that goes through `argument`. A closure that is only `FnMut` would be
+/// called through a shim, which is compiled without those vectors (three times slower where it was measured). Mark it
+/// `#[inline(always)]`.
 #[inline]
 pub fn vectorized<A, R>(argument: A, body: impl Fn(A) -> R) -> R {
     pulp::Arch::new().dispatch(Task { argument, body })
@@ -25,7 +26,8 @@ impl<A, R, F: Fn(A) -> R> pulp::WithSimd for Task<A, F> {
     }
 }
 
-/// `aᵀ b` of two vectors of one length, as eight sums at once: none waits for the one before. To be called within [`vectorized`] where it matters.
+/// `aᵀ b` of two vectors of one length, as eight sums at once: none waits for the one before. To be called within
+/// [`vectorized`] where it matters.
 #[inline(always)]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     let (a8, a1) = a.as_chunks::<8>();

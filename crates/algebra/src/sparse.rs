@@ -124,11 +124,12 @@ impl<T> SparseMatrix<T> {
 }
 
 impl<T: Copy + Default + Send> SparseMatrix<T> {
-    /// Builds a matrix row by row, on all threads. Every row is made by itself, so that the result does not depend on how many threads there are.
+    /// Builds a matrix row by row, on all threads. Every row is made by itself, so that the result does not depend on
+    /// how many threads there are.
     ///
-    /// `row(state, r, entries)` puts what row `r` has into `entries`, which comes empty, as `(column, value)` with columns strictly ascending, which
-    /// is checked in debug builds only. `state` makes what is used again from row to row, such as a buffer; no row may depend on what another left in
-    /// it.
+    /// `row(state, r, entries)` puts what row `r` has into `entries`, which comes empty, as `(column, value)` with
+    /// columns strictly ascending, which is checked in debug builds only. `state` makes what is used again from row to
+    /// row, such as a buffer; no row may depend on what another left in it.
     pub fn from_rows<S>(
         rows: usize,
         columns: usize,
@@ -157,7 +158,8 @@ impl<T: Copy + Default + Send> SparseMatrix<T> {
         Self::joined(rows, columns, parts)
     }
 
-    /// The matrix of runs of rows, one after the other. All threads copy: of large matrices, fresh memory takes as long as anything else.
+    /// The matrix of runs of rows, one after the other. All threads copy: of large matrices, fresh memory takes as long
+    /// as anything else.
     fn joined(rows: usize, columns: usize, parts: Vec<Part<T>>) -> Self {
         let entries = parts.iter().map(|part| part.indices.len()).sum();
         let mut offsets = Vec::with_capacity(rows + 1);
@@ -200,7 +202,8 @@ impl<T: Copy + From<u8>> SparseMatrix<T> {
 impl<T: Copy + Default + Send + Sync> SparseMatrix<T> {
     /// The matrix whose row `k` is row `rows[k]` of this one.
     pub fn select_rows(&self, rows: &[u32]) -> Self {
-        // Where each row goes is known beforehand, so that nothing is held twice: a space of millions of rows is most of what there is.
+        // Where each row goes is known beforehand, so that nothing is held twice: a space of millions of rows is most
+        // of what there is.
         let mut offsets = Vec::with_capacity(rows.len() + 1);
         let mut end = 0;
         offsets.push(end);
@@ -231,8 +234,8 @@ impl<T: Copy + Default + Send + Sync> SparseMatrix<T> {
 }
 
 impl SparseMatrix {
-    /// Builds a matrix from rows whose columns come in any order; entries of one place are added up. Row `i` has the entries
-    /// `offsets[i]..offsets[i + 1]`.
+    /// Builds a matrix from rows whose columns come in any order; entries of one place are added up. Row `i` has the
+    /// entries `offsets[i]..offsets[i + 1]`.
     ///
     /// # Errors
     /// [`SparseError`] names the first row that does not fit.
@@ -284,13 +287,15 @@ impl SparseMatrix {
         Self { values: self.values.iter().map(|value| value * factor).collect(), ..self.clone() }
     }
 
-    /// The square matrix with its rows and columns in another order: row and column `k` are those that were `order[k]`, a permutation.
+    /// The square matrix with its rows and columns in another order: row and column `k` are those that were `order[k]`,
+    /// a permutation.
     pub fn reordered(&self, order: &[u32]) -> Self {
         debug_assert_eq!(order.len(), self.rows);
         self.principal(order)
     }
 
-    /// The principal submatrix of a square matrix, `rows.len() × rows.len()`: row and column `k` are those that were `rows[k]`, each at most once.
+    /// The principal submatrix of a square matrix, `rows.len() × rows.len()`: row and column `k` are those that were
+    /// `rows[k]`, each at most once.
     pub fn principal(&self, rows: &[u32]) -> Self {
         // A small part of a large matrix is found without a list of all its columns.
         let few = rows.len() < self.columns / 16 && rows.is_sorted();

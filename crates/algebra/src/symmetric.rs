@@ -5,9 +5,9 @@ use chladni_base::Monitor;
 use super::eigen::{check_finite, make_largest_positive, parallelism, standard_lowest};
 use super::{ComputedOn, DenseMatrix, EigenError, EigenPairs};
 
-/// The `count` lowest pairs of a symmetric matrix, `d × d`, of which the lower triangle is read. Against a pencil with the identity this
-/// saves a Cholesky factor, the reduction by it and the way back, about half of the time where few pairs are wanted. On the threads of
-/// the pool it is called from.
+/// The `count` lowest pairs of a symmetric matrix, `d × d`, of which the lower triangle is read. Against a pencil with
+/// the identity this saves a Cholesky factor, the reduction by it and the way back, about half of the time where few
+/// pairs are wanted. On the threads of the pool it is called from.
 ///
 /// # Errors
 /// [`EigenError`]: a matrix that is not square or not finite, more pairs than it has, no convergence, cancellation.

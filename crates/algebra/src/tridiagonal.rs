@@ -1,8 +1,9 @@
 //! A symmetric matrix to tridiagonal form by Householder reflections, and vectors back, on the CPU.
 //!
-//! Blocked as LAPACK's dsytrd (Dongarra, Hammarling and Sorensen 1989): half of the operations are products with matrices. The other half
-//! are products of the matrix and a vector; they read each number of the lower triangle once, and the memory bounds them. Threads share both
-//! in parts that do not depend on their number, so that no bit of the result does either. docs/decisions/0021 tells what was measured.
+//! Blocked as LAPACK's dsytrd (Dongarra, Hammarling and Sorensen 1989): half of the operations are products with
+//! matrices. The other half are products of the matrix and a vector; they read each number of the lower triangle once,
+//! and the memory bounds them. Threads share both in parts that do not depend on their number, so that no bit of the
+//! result does either. docs/decisions/0021 tells what was measured.
 
 use chladni_base::Cancelled;
 use chladni_base::parallel::*;
@@ -17,7 +18,8 @@ use super::DenseMatrix;
 use super::column_products::{add_combination, add_symmetric, dot_products};
 use super::eigen::{EigenError, memory, view, view_mut};
 
-/// Sizes below which the whole matrix fits the second-level cache, and faer's reduction, column by column, is as fast or faster.
+/// Sizes below which the whole matrix fits the second-level cache, and faer's reduction, column by column, is as fast
+/// or faster.
 const LEAST_BLOCKED: usize = 512;
 
 /// Columns whose updates are gathered before the matrix takes them.
@@ -43,11 +45,13 @@ pub(super) struct Tridiagonal {
     pub(super) off_diagonal: Vec<f64>,
     /// Column `k` below row `k + 1` is the reflector `vₖ` of `Hₖ = 1 − τₖ vₖvₖᵀ` without the one that it begins with.
     reflectors: DenseMatrix,
-    /// The factors of the blocks of reflectors behind each other, as faer has them: `1/τₖ` on the diagonal, products `vᵢᵀvⱼ` above.
+    /// The factors of the blocks of reflectors behind each other, as faer has them: `1/τₖ` on the diagonal, products
+    /// `vᵢᵀvⱼ` above.
     factors: DenseMatrix,
 }
 
-/// Reduces `a`, of which the lower triangle is read. `done` hears now and then which fraction is done, and may end the work.
+/// Reduces `a`, of which the lower triangle is read. `done` hears now and then which fraction is done, and may end the
+/// work.
 ///
 /// # Errors
 /// No memory, or what `done` says.
@@ -187,8 +191,8 @@ fn dot(x: &[f64], y: &[f64]) -> f64 {
     product[0]
 }
 
-/// The reflectors `V` of a panel and the vectors `W` that make the update `A ← A − V Wᵀ − W Vᵀ`, as one matrix `[V W V]`: its first two thirds
-/// times its last two thirds, transposed.
+/// The reflectors `V` of a panel and the vectors `W` that make the update `A ← A − V Wᵀ − W Vᵀ`, as one matrix
+/// `[V W V]`: its first two thirds times its last two thirds, transposed.
 struct Panel {
     d: usize,
     values: Vec<f64>,
@@ -230,7 +234,8 @@ impl Panel {
         }
     }
 
-    /// `A ← A − V Wᵀ − W Vᵀ` in the lower triangle from row and column `end` on; what is above the diagonal is of no use.
+    /// `A ← A − V Wᵀ − W Vᵀ` in the lower triangle from row and column `end` on; what is above the diagonal is of no
+    /// use.
     fn apply(&self, a: &mut DenseMatrix, end: usize) {
         let d = self.d;
         let panel = MatRef::from_column_major_slice(&self.values, d, 3 * PANEL);

@@ -121,8 +121,8 @@ fn work_ends_when_it_is_told_to() {
     assert!(matches!(by_panels(symmetric(200, random), &stop), Err(EigenError::Cancelled(_))));
 }
 
-/// `cargo test --release --lib tridiagonal -- --ignored --nocapture`, in a pool of one thread and one of all; not a promise but a
-/// measurement, on which `LEAST_BLOCKED` and docs/decisions/0021 stand.
+/// `cargo test --release --lib tridiagonal -- --ignored --nocapture`, in a pool of one thread and one of all; not a
+/// promise but a measurement, on which `LEAST_BLOCKED` and docs/decisions/0021 stand.
 #[test]
 #[ignore = "measures"]
 fn seconds_of_both_ways() {

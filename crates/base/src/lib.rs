@@ -1,5 +1,6 @@
-//! What every crate of Chladni needs and none is about: the hook through which long work reports and is stopped, parallel loops, a seeded random
-//! generator, memory that one piece of work leaves to the next, and memory that the allocator keeps.
+//! What every crate of Chladni needs and none is about: the hook through which long work reports and is stopped,
+//! parallel loops, a seeded random generator, memory that one piece of work leaves to the next, and memory that the
+//! allocator keeps.
 
 mod monitor;
 pub mod parallel;

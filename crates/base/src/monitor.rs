@@ -22,24 +22,27 @@ pub mod notes {
 
 /// Watches long work. Implementations are called from many threads at once and must return quickly.
 pub trait Monitor: Sync {
-    /// A stage begins; the one before it, if any, has ended. Stage names are stable identifiers (`operator`, `sampling`, …).
+    /// A stage begins; the one before it, if any, has ended. Stage names are stable identifiers (`operator`,
+    /// `sampling`, …).
     fn stage(&self, name: &'static str);
 
     /// The fraction of the current stage that is done, in `0..=1`. It may arrive out of order from parallel work.
     fn progress(&self, fraction: f64);
 
-    /// Where the work stands within its stage, in a few words for people: `level 2 of 3, iteration 1, slice 4 of 8`. It holds until the
-    /// next call or the next stage.
+    /// Where the work stands within its stage, in a few words for people: `level 2 of 3, iteration 1, slice 4 of 8`. It
+    /// holds until the next call or the next stage.
     fn detail(&self, _text: &str) {}
 
-    /// How the result came about, where that is worth keeping with it, under one of the [names](notes): `("dense_solver", "NVIDIA H200")`.
+    /// How the result came about, where that is worth keeping with it, under one of the [names](notes):
+    /// `("dense_solver", "NVIDIA H200")`.
     fn note(&self, _name: &'static str, _text: &str) {}
 
-    /// Ends the work with [`Cancelled`] where that was asked for. Called often: at least every few milliseconds of work.
+    /// Ends the work with [`Cancelled`] where that was asked for. Called often: at least every few milliseconds of
+    /// work.
     fn checkpoint(&self) -> Result<(), Cancelled>;
 
-    /// Bytes of memory that the work was promised, by an estimate made before it began. Work that counts what it will need ends where that is more.
-    /// `None` where nobody promised anything.
+    /// Bytes of memory that the work was promised, by an estimate made before it began. Work that counts what it will
+    /// need ends where that is more. `None` where nobody promised anything.
     fn promised_bytes(&self) -> Option<u64> {
         None
     }
@@ -57,7 +60,8 @@ impl Monitor for Unwatched {
     }
 }
 
-/// Passes on notes and cancellation alone: for a solver within a solver, whose stages and progress are not those of the caller.
+/// Passes on notes and cancellation alone: for a solver within a solver, whose stages and progress are not those of the
+/// caller.
 pub struct Quiet<'a>(pub &'a dyn Monitor);
 
 impl Monitor for Quiet<'_> {
@@ -74,7 +78,8 @@ impl Monitor for Quiet<'_> {
     }
 }
 
-/// Passes everything on, and promises a part of the memory alone: for a step that the work can do without, beside what it already holds.
+/// Passes everything on, and promises a part of the memory alone: for a step that the work can do without, beside what
+/// it already holds.
 pub struct Share<'a> {
     /// Who watches the whole.
     pub whole: &'a dyn Monitor,

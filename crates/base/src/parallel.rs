@@ -1,8 +1,9 @@
 //! Parallel iterators: those of rayon, whose halves meet in one function.
 //!
-//! Rayon compiles its scheduler anew for each loop, a thousand lines for every pass over an array, which were a fifth of the generated code of the
-//! libraries. Here a loop is halved by the same rule, and its halves are handed over as `dyn FnMut`: a call for each piece of work, none for each element.
-//! `use chladni_base::parallel::*` stands where `use rayon::prelude::*` would.
+//! Rayon compiles its scheduler anew for each loop, a thousand lines for every pass over an array, which were a fifth
+//! of the generated code of the libraries. Here a loop is halved by the same rule, and its halves are handed over as
+//! `dyn FnMut`: a call for each piece of work, none for each element. `use chladni_base::parallel::*` stands where
+//! `use rayon::prelude::*` would.
 
 use rayon::iter::plumbing::{Consumer, Folder, Producer, ProducerCallback, Reducer, UnindexedConsumer};
 use rayon::iter::{self, Enumerate, MaxLen, MinLen, Zip};
@@ -95,7 +96,8 @@ impl<T, C: Consumer<T>> ProducerCallback<T> for Whole<C> {
     }
 }
 
-/// How often a piece of work is halved: until every thread has one, and anew when another thread has taken it. Rayon's own rule.
+/// How often a piece of work is halved: until every thread has one, and anew when another thread has taken it. Rayon's
+/// own rule.
 #[derive(Clone, Copy)]
 struct Splitter {
     splits: usize,

@@ -2,8 +2,8 @@
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// What pieces of work on many threads take, use and leave behind: fresh memory often costs as much as the work itself. There is never more than was
-/// in use at once.
+/// What pieces of work on many threads take, use and leave behind: fresh memory often costs as much as the work itself.
+/// There is never more than was in use at once.
 #[derive(Debug)]
 pub struct Spare<T>(Mutex<Vec<T>>);
 

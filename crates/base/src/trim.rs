@@ -11,9 +11,9 @@ pub fn set_trim(trim: fn()) {
     let _ = TRIM.set(trim);
 }
 
-/// Asks the allocator to give back to the system what it keeps of what was let go of: between steps that each take much of the memory of a machine, and
-/// no two of which are like each other. Does nothing where nobody said how. It may take milliseconds, and memory that is asked for afterwards is cleared
-/// anew: nothing for a loop.
+/// Asks the allocator to give back to the system what it keeps of what was let go of: between steps that each take much
+/// of the memory of a machine, and no two of which are like each other. Does nothing where nobody said how. It may take
+/// milliseconds, and memory that is asked for afterwards is cleared anew: nothing for a loop.
 pub fn trim() {
     if let Some(trim) = TRIM.get() {
         trim();

@@ -1,7 +1,7 @@
 //! Whether a mesh can be used, what is wrong with it, and the repairs that lose nothing.
 //!
-//! A mesh that is not manifold is usable: the cotangent stiffness adds up face by face. It is reported, and so is everything
-//! else that a client may want to mend. What cannot be used is refused with a [`MeshError`].
+//! A mesh that is not manifold is usable: the cotangent stiffness adds up face by face. It is reported, and so is
+//! everything else that a client may want to mend. What cannot be used is refused with a [`MeshError`].
 
 use self::examine::{Examined, examine};
 use super::TriangleMesh;
@@ -34,8 +34,8 @@ pub enum Merge {
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum SurfaceOf {
-    /// Where its tetrahedra have no neighbour. The default: that surface is closed and the solid's own, whereas the triangles of such files may be
-    /// any part of it, sheets inside it, or another surface altogether.
+    /// Where its tetrahedra have no neighbour. The default: that surface is closed and the solid's own, whereas the
+    /// triangles of such files may be any part of it, sheets inside it, or another surface altogether.
     #[default]
     Boundary,
     /// The triangles that the file gives. The tetrahedra are left out.
@@ -53,8 +53,8 @@ pub struct CheckOptions {
     pub largest_coordinate: f64,
     /// The smallest usable extent: the longest side of the bounding box. Default 1e-30.
     pub smallest_extent: f64,
-    /// How often every face is divided into four, after the repairs. Eigenvalues of the finer mesh are nearer to those of the surface: what
-    /// piecewise linear functions lose falls to a quarter each time.
+    /// How often every face is divided into four, after the repairs. Eigenvalues of the finer mesh are nearer to those
+    /// of the surface: what piecewise linear functions lose falls to a quarter each time.
     pub subdivisions: u8,
     /// The most faces that a mesh may have after it was divided; by default as many as a file may hold.
     pub most_faces: usize,
@@ -258,8 +258,8 @@ impl MeshError {
 
 /// A mesh that can be used.
 ///
-/// Every index is in range, every coordinate finite and in range, no face repeats a vertex or another face, every vertex has
-/// a face, the total area is positive, and faces agree in orientation wherever that is possible.
+/// Every index is in range, every coordinate finite and in range, no face repeats a vertex or another face, every
+/// vertex has a face, the total area is positive, and faces agree in orientation wherever that is possible.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CheckedMesh {
     /// The repaired mesh. Vertices and faces keep their order.
@@ -274,9 +274,10 @@ pub struct CheckedMesh {
 
 /// Checks a mesh and repairs what can be repaired without loss.
 ///
-/// Done are, in this order: merging vertices at equal positions (see [`Merge`]), dropping faces that repeat a vertex, dropping faces equal to an
-/// earlier one, turning faces over so that neighbours agree, dropping vertices that no face uses; then every face is divided as often as
-/// [`CheckOptions::subdivisions`] says. Linear in the size of the mesh up to sorting; runs on the current rayon pool.
+/// Done are, in this order: merging vertices at equal positions (see [`Merge`]), dropping faces that repeat a vertex,
+/// dropping faces equal to an earlier one, turning faces over so that neighbours agree, dropping vertices that no face
+/// uses; then every face is divided as often as [`CheckOptions::subdivisions`] says. Linear in the size of the mesh up
+/// to sorting; runs on the current rayon pool.
 ///
 /// # Errors
 /// [`MeshError`] names the first element that makes the mesh unusable.

@@ -1,6 +1,7 @@
 //! Which vertices faces join.
 
-/// The component of each of `vertices` vertices: the least vertex that it is joined with through faces, itself where no face names it.
+/// The component of each of `vertices` vertices: the least vertex that it is joined with through faces, itself where no
+/// face names it.
 ///
 /// # Panics
 /// Where a face names a vertex that is none.
@@ -13,7 +14,8 @@ pub fn components(vertices: usize, faces: &[[u32; 3]]) -> Vec<u32> {
     (0..vertices as u32).map(|v| components.root(v)).collect()
 }
 
-/// Members that are joined until components remain, each known by its least member (union by least member, with path halving).
+/// Members that are joined until components remain, each known by its least member (union by least member, with path
+/// halving).
 #[derive(Debug)]
 pub struct Components {
     parents: Vec<u32>,

@@ -48,7 +48,8 @@ impl Connectivity {
         Self { vertex_offsets, neighbours, lengths, face_offsets, faces_around }
     }
 
-    /// Forgets which faces lie around each vertex: distances along edges do not ask, and of millions of vertices they are a quarter of it all.
+    /// Forgets which faces lie around each vertex: distances along edges do not ask, and of millions of vertices they
+    /// are a quarter of it all.
     pub fn forget_faces(&mut self) {
         self.face_offsets = vec![0; self.vertex_offsets.len()];
         self.faces_around = Vec::new();
@@ -120,8 +121,8 @@ impl Connectivity {
         &self.neighbours
     }
 
-    /// The lengths of the edges to [`all_neighbours`](Self::all_neighbours), in multiples of `unit`, in single precision. A unit
-    /// that is not a positive number counts as 1.
+    /// The lengths of the edges to [`all_neighbours`](Self::all_neighbours), in multiples of `unit`, in single
+    /// precision. A unit that is not a positive number counts as 1.
     pub fn scaled_lengths(&self, unit: f64) -> Vec<f32> {
         let scale = if unit > 0.0 && unit.is_finite() { 1.0 / unit } else { 1.0 };
         self.lengths.par_iter().with_min_len(1 << 14).map(|&l| (l * scale) as f32).collect()
@@ -176,7 +177,8 @@ fn faces_around(mesh: &TriangleMesh) -> (Vec<u32>, Vec<u32>) {
         }
         offsets.push(total);
     }
-    // Ranges write to different places around the same vertices; atomic cells allow that, and relaxed stores cost nothing.
+    // Ranges write to different places around the same vertices; atomic cells allow that, and relaxed stores cost
+    // nothing.
     let around: Vec<AtomicU32> = (0..3 * mesh.faces.len()).map(|_| AtomicU32::new(0)).collect();
     mesh.faces.par_chunks(length).zip(&mut places).enumerate().for_each(|(range, (faces, places))| {
         for (f, face) in faces.iter().enumerate() {

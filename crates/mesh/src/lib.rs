@@ -26,8 +26,8 @@ pub mod write;
 
 /// A triangle mesh: positions in the units of the input, faces as counter-clockwise triples of vertex indices.
 ///
-/// Meshes that come out of [`check`](self) satisfy: every index is in range, every coordinate is finite, no face repeats a
-/// vertex.
+/// Meshes that come out of [`check`](self) satisfy: every index is in range, every coordinate is finite, no face
+/// repeats a vertex.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TriangleMesh {
     /// `n` vertex positions.

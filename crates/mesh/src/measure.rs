@@ -4,7 +4,8 @@ use chladni_base::parallel::*;
 
 use super::TriangleMesh;
 
-/// How many elements are summed in one piece: the pieces do not depend on the number of threads, so neither do the sums.
+/// How many elements are summed in one piece: the pieces do not depend on the number of threads, so neither do the
+/// sums.
 const CHUNK: usize = 1 << 13;
 
 /// The area of one face, in squared units of the mesh. Zero for a degenerate face.

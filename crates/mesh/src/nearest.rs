@@ -53,8 +53,8 @@ impl FaceHierarchy {
         Self { order, levels }
     }
 
-    /// The face nearest to a point, the lowest among equals of its leaf, and its distance. `None` where there are no faces or the point is not
-    /// finite.
+    /// The face nearest to a point, the lowest among equals of its leaf, and its distance. `None` where there are no
+    /// faces or the point is not finite.
     ///
     /// `mesh` is the one that the tree was built for.
     pub fn nearest(&self, mesh: &TriangleMesh, point: [f64; 3]) -> Option<(u32, f64)> {
@@ -107,7 +107,8 @@ fn box_distance(bounds: &[[f32; 3]; 2], point: [f64; 3]) -> f64 {
     (0..3).map(|i| (f64::from(bounds[0][i]) - point[i]).max(point[i] - f64::from(bounds[1][i])).max(0.0).powi(2)).sum()
 }
 
-/// The squared distance of a point from a triangle, by the region of the plane that it projects to (Ericson 2005, section 5.1.5).
+/// The squared distance of a point from a triangle, by the region of the plane that it projects to (Ericson 2005,
+/// section 5.1.5).
 fn triangle_distance([a, b, c]: [[f64; 3]; 3], p: [f64; 3]) -> f64 {
     let minus = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|i| a[i] - b[i]);
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

@@ -1,7 +1,8 @@
 //! The numbering of a file beside that of the mesh that was made of it: the one place that converts between them.
 //!
-//! Repairs drop vertices and faces, merging joins vertices, polygons are cut into triangles, subdivision adds vertices, and the surface of a
-//! solid comes first. A [`Numbering`] remembers what became of what; a [`Translation`] is how a request wants it used.
+//! Repairs drop vertices and faces, merging joins vertices, polygons are cut into triangles, subdivision adds vertices,
+//! and the surface of a solid comes first. A [`Numbering`] remembers what became of what; a [`Translation`] is how a
+//! request wants it used.
 
 mod bytes;
 mod translation;
@@ -27,7 +28,8 @@ pub struct Numbering {
     faces: Option<Vec<u32>>,
     /// For each dropped vertex, ascending, the kept one nearest to it, or [`DROPPED`] where it stood nowhere.
     nearest: Vec<u32>,
-    /// The ends of the edge that each vertex made by subdivision halves; these are the last vertices of the kept mesh, ends come before middles.
+    /// The ends of the edge that each vertex made by subdivision halves; these are the last vertices of the kept mesh,
+    /// ends come before middles.
     midpoints: Vec<[u32; 2]>,
     subdivisions: u8,
     /// How many of the kept vertices, the last ones, lie inside a solid and not on its surface.
@@ -40,7 +42,8 @@ pub struct Numbering {
 /// The way back, made when it is first needed.
 #[derive(Debug, Clone, Default)]
 struct Inverse {
-    /// For each kept vertex the lowest of the file that became it; for one made by subdivision the lower end of its edge.
+    /// For each kept vertex the lowest of the file that became it; for one made by subdivision the lower end of its
+    /// edge.
     vertices: Vec<u32>,
     /// For each face of the file the first kept one, or [`DROPPED`].
     faces: Vec<u32>,
@@ -80,10 +83,10 @@ impl Numbering {
         Self { assumed: true, ..Self::identity(vertices, faces) }
     }
 
-    /// The numbering that two maps tell, as files of products carry them: for each vertex of the file the kept one, of so many, or −1; for each kept
-    /// face that of the file. What the maps do not tell is not known: which vertex is nearest to a dropped one, which vertices a subdivision made,
-    /// and how many faces of the file come after the last that was kept. `None` where a number is out of range, or a vertex that was kept is no
-    /// vertex of the file.
+    /// The numbering that two maps tell, as files of products carry them: for each vertex of the file the kept one, of
+    /// so many, or −1; for each kept face that of the file. What the maps do not tell is not known: which vertex is
+    /// nearest to a dropped one, which vertices a subdivision made, and how many faces of the file come after the last
+    /// that was kept. `None` where a number is out of range, or a vertex that was kept is no vertex of the file.
     pub fn from_maps(vertices: &[i32], faces: &[i32], kept: usize) -> Option<Self> {
         let vertex = |&number: &i32| match number {
             -1 => Some(DROPPED),
@@ -213,7 +216,8 @@ impl Numbering {
         self.nearest.get(place).copied().filter(|&kept| kept != DROPPED)
     }
 
-    /// The lowest vertex of the file that became a kept one; for a vertex made by subdivision, that of the lower end of its edge.
+    /// The lowest vertex of the file that became a kept one; for a vertex made by subdivision, that of the lower end of
+    /// its edge.
     pub fn file_vertex(&self, kept: u32) -> u32 {
         if self.vertices.is_none() && self.midpoints.is_empty() {
             return kept;

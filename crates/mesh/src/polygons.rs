@@ -1,7 +1,7 @@
 //! Polygons that the triangles of a mesh are parts of.
 //!
-//! A mesh has triangles, and what needs no more works on these. Which of them were one face of the file is kept beside, so that an operator can be
-//! made of the polygons themselves.
+//! A mesh has triangles, and what needs no more works on these. Which of them were one face of the file is kept beside,
+//! so that an operator can be made of the polygons themselves.
 
 use std::ops::Range;
 
@@ -40,8 +40,9 @@ impl Polygons {
         &self.of_face
     }
 
-    /// The polygons of more than three corners. Where the triangles of one do not make a disk whose corners all differ, as after a repair that merged
-    /// some of them, they are left as they are. None at all where these are not the polygons of so many faces.
+    /// The polygons of more than three corners. Where the triangles of one do not make a disk whose corners all differ,
+    /// as after a repair that merged some of them, they are left as they are. None at all where these are not the
+    /// polygons of so many faces.
     pub fn loops(&self, faces: &[[u32; 3]]) -> Loops {
         let mut loops = Loops { offsets: vec![0], ..Loops::default() };
         if self.of_face.len() != faces.len() {

@@ -8,7 +8,8 @@ pub const EXAMPLES: usize = 5;
 
 /// What is known about a triangle mesh after it was checked and repaired.
 ///
-/// Counts and topology describe the mesh as it will be used, after the repairs. Defects describe the mesh as it was given.
+/// Counts and topology describe the mesh as it will be used, after the repairs. Defects describe the mesh as it was
+/// given.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct MeshReport {
@@ -25,27 +26,30 @@ pub struct MeshReport {
     pub bounding_box: [[f64; 3]; 2],
     /// `χ = n − edges + f`.
     pub euler_characteristic: i64,
-    /// Connected components, joined through vertices: the dimension of the kernel of the stiffness matrix, as long as no
-    /// part hangs on by zero-area faces alone.
+    /// Connected components, joined through vertices: the dimension of the kernel of the stiffness matrix, as long as
+    /// no part hangs on by zero-area faces alone.
     pub components: usize,
     /// Edges with one face.
     pub boundary_edges: usize,
-    /// Closed chains of boundary edges, followed around one fan of faces at a time. A chain that ends at a non-manifold edge
-    /// counts as one.
+    /// Closed chains of boundary edges, followed around one fan of faces at a time. A chain that ends at a non-manifold
+    /// edge counts as one.
     pub boundary_loops: usize,
-    /// The genus of each component, summed: `components − (χ + boundary_loops) / 2`. `None` unless the mesh is manifold and
-    /// orientable.
+    /// The genus of each component, summed: `components − (χ + boundary_loops) / 2`. `None` unless the mesh is manifold
+    /// and orientable.
     pub genus: Option<i64>,
     /// Whether there are faces and every edge has at least two.
     pub closed: bool,
     /// Whether every edge has at most two faces and the faces around every vertex form one fan.
     pub manifold: bool,
-    /// Whether the faces can be turned so that the two faces of every manifold edge run along it in opposite directions.
+    /// Whether the faces can be turned so that the two faces of every manifold edge run along it in opposite
+    /// directions.
     pub orientable: bool,
-    /// Whether the file has points without faces. Area and components are then those of the triangles that are made around each point.
+    /// Whether the file has points without faces. Area and components are then those of the triangles that are made
+    /// around each point.
     #[serde(default, skip_serializing_if = "is_false")]
     pub points: bool,
-    /// Polygons of more than three corners that keep their shape: the Laplacian is made of them, not of the triangles that they were cut into.
+    /// Polygons of more than three corners that keep their shape: the Laplacian is made of them, not of the triangles
+    /// that they were cut into.
     #[serde(default, skip_serializing_if = "is_none_of_them")]
     pub polygons: usize,
     /// What is inside, where the mesh is the surface of a solid.
@@ -65,7 +69,8 @@ pub struct MeshReport {
     pub attributes: Option<super::attributes::AttributeReport>,
     /// What is wrong with the mesh as given, by kind; kinds that do not occur are left out.
     pub defects: Vec<Defect>,
-    /// What was done about it; none of it loses anything, but for [`RepairKind::LeftOutTetrahedra`], which is done on request alone.
+    /// What was done about it; none of it loses anything, but for [`RepairKind::LeftOutTetrahedra`], which is done on
+    /// request alone.
     pub repairs: Vec<Repair>,
 }
 
@@ -129,7 +134,8 @@ pub struct Defect {
     pub count: usize,
     /// What the examples number.
     pub element: Element,
-    /// The first offenders (at most [`EXAMPLES`]), numbered from 0 as in the input. An edge is named by a face beside it.
+    /// The first offenders (at most [`EXAMPLES`]), numbered from 0 as in the input. An edge is named by a face beside
+    /// it.
     pub examples: Vec<u64>,
 }
 
@@ -175,9 +181,11 @@ pub enum DefectKind {
     InconsistentOrientation,
     /// The file has tetrahedra, and this triangle of it is not on their boundary.
     TriangleOffBoundary,
-    /// The file has triangles and tetrahedra, and a side of this tetrahedron that has no neighbour is not among the triangles.
+    /// The file has triangles and tetrahedra, and a side of this tetrahedron that has no neighbour is not among the
+    /// triangles.
     BoundaryNotGiven,
-    /// Of points without faces: the nearest neighbours of this one fill space, and lie on no surface, or on one that is folded within their distance.
+    /// Of points without faces: the nearest neighbours of this one fill space, and lie on no surface, or on one that is
+    /// folded within their distance.
     OffSurface,
 }
 

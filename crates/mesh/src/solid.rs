@@ -36,7 +36,8 @@ pub struct SolidReport {
 /// A mesh that can be used, and its inside if it has one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CheckedBody {
-    /// The surface, its report (with that of the solid) and where the vertices of the input went: for a solid, numbers in `solid`.
+    /// The surface, its report (with that of the solid) and where the vertices of the input went: for a solid, numbers
+    /// in `solid`.
     pub surface: CheckedMesh,
     /// The solid, positively oriented; vertices of the surface come first and have the same numbers there.
     pub solid: Option<TetMesh>,
@@ -45,12 +46,12 @@ pub struct CheckedBody {
 /// The share of the cube over its longest edge below which a tetrahedron counts as flat.
 const FLAT: f64 = 1e-9;
 
-/// Checks a mesh; where it has tetrahedra, as a solid: the surface is where they have no neighbour, or, by [`SurfaceOf::Given`], the triangles of the
-/// file, without an inside; where it has no faces at all, as points ([`points`](super::points)). Vertices are numbered as in the file, faces of a
-/// boundary by the mesh itself.
+/// Checks a mesh; where it has tetrahedra, as a solid: the surface is where they have no neighbour, or, by
+/// [`SurfaceOf::Given`], the triangles of the file, without an inside; where it has no faces at all, as points
+/// ([`points`](super::points)). Vertices are numbered as in the file, faces of a boundary by the mesh itself.
 ///
-/// Tetrahedra that repeat a vertex or equal an earlier one are dropped, those given inside out are turned. Linear in the size of the
-/// mesh up to sorting.
+/// Tetrahedra that repeat a vertex or equal an earlier one are dropped, those given inside out are turned. Linear in
+/// the size of the mesh up to sorting.
 ///
 /// # Errors
 /// [`MeshError`], as [`check`]; a solid none of whose tetrahedra has a volume, or with a vertex that is not finite.

@@ -4,8 +4,9 @@ use std::collections::HashMap;
 
 use super::TriangleMesh;
 
-/// The same surface with four times the faces: the midpoint of each edge becomes a vertex, numbered after those that are there. `None` where
-/// there are too many vertices or faces to be numbered, or a face refers to a vertex that is not there.
+/// The same surface with four times the faces: the midpoint of each edge becomes a vertex, numbered after those that
+/// are there. `None` where there are too many vertices or faces to be numbered, or a face refers to a vertex that is
+/// not there.
 pub fn subdivided(mesh: &TriangleMesh) -> Option<TriangleMesh> {
     u32::try_from(mesh.faces.len().checked_mul(4)?).ok()?;
     let mut positions = mesh.positions.clone();
@@ -27,8 +28,9 @@ pub fn subdivided(mesh: &TriangleMesh) -> Option<TriangleMesh> {
     Some(TriangleMesh { positions, faces, ..Default::default() })
 }
 
-/// The ends of the edge that each vertex made by [`subdivided`] halves, in the order of these vertices, told from the faces of a mesh that was
-/// divided so many times: four follow each other, the corner of the whole first in three of them.
+/// The ends of the edge that each vertex made by [`subdivided`] halves, in the order of these vertices, told from the
+/// faces of a mesh that was divided so many times: four follow each other, the corner of the whole first in three of
+/// them.
 pub(crate) fn midpoints(faces: &[[u32; 3]], times: u8) -> Vec<[u32; 2]> {
     let mut found: Vec<(u32, [u32; 2])> = Vec::new();
     let mut level = faces.to_vec();

@@ -15,9 +15,11 @@ pub(super) const MOST_FACES: usize = (u32::MAX / 6) as usize;
 
 const VERTICES_PER_CHUNK: usize = 1 << 14;
 
-/// All half-edges, grouped by edge: those of the edges at their lower vertex `v` lie in `offsets[v]..offsets[v + 1]`, sorted.
+/// All half-edges, grouped by edge: those of the edges at their lower vertex `v` lie in `offsets[v]..offsets[v + 1]`,
+/// sorted.
 ///
-/// A record holds the higher vertex (32 bits), the half-edge (31 bits), and whether it runs from the higher to the lower vertex.
+/// A record holds the higher vertex (32 bits), the half-edge (31 bits), and whether it runs from the higher to the
+/// lower vertex.
 pub(super) struct EdgeTable {
     offsets: Vec<u32>,
     records: Vec<u64>,
@@ -46,8 +48,8 @@ pub(super) fn apex(faces: &[[u32; 3]], h: u32) -> u32 {
 impl EdgeTable {
     /// Groups the half-edges of at most [`MOST_FACES`] faces over `vertices` vertices; no face may repeat a vertex.
     pub(super) fn new(vertices: usize, faces: &[[u32; 3]]) -> Self {
-        // A counting sort by the lower vertex, then many short sorts: on real meshes this beats one long sort, since faces
-        // that are close in the file are close in the table.
+        // A counting sort by the lower vertex, then many short sorts: on real meshes this beats one long sort, since
+        // faces that are close in the file are close in the table.
         let mut offsets = vec![0u32; vertices + 2];
         for &[a, b, c] in faces {
             offsets[a.min(b) as usize + 2] += 1;
@@ -224,8 +226,8 @@ impl Topology {
         }
     }
 
-    /// Turns faces over so that neighbours across manifold edges agree, in each part where that can be done; of two ways the
-    /// one that turns fewer faces. Gives the number turned, and whether every part could be oriented.
+    /// Turns faces over so that neighbours across manifold edges agree, in each part where that can be done; of two
+    /// ways the one that turns fewer faces. Gives the number turned, and whether every part could be oriented.
     pub(super) fn orient(&self, faces: &mut [[u32; 3]]) -> (usize, bool) {
         if self.inconsistent_edges.count == 0 {
             return (0, true);

@@ -54,10 +54,12 @@ pub enum PlyPrecision {
     Double,
 }
 
-/// Single precision moves no vertex by more than a millionth of the surface where this lies no farther from the origin than so many times its size.
+/// Single precision moves no vertex by more than a millionth of the surface where this lies no farther from the origin
+/// than so many times its size.
 const NEAR: f64 = 16.0;
 
-/// The middle of a surface that lies too far from the origin for single precision, as one in geographic coordinates does; nothing for others.
+/// The middle of a surface that lies too far from the origin for single precision, as one in geographic coordinates
+/// does; nothing for others.
 pub fn far_middle(positions: &[[f64; 3]]) -> Option<[f64; 3]> {
     let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
     for position in positions {
@@ -113,8 +115,8 @@ pub fn write_ply(mesh: &TriangleMesh, colours: Option<&[[u8; 3]]>, out: &mut dyn
     write_ply_with(mesh, colours, PlyPrecision::Double, out)
 }
 
-/// Writes a little-endian binary PLY file: `x`, `y`, `z`, then `red`, `green`, `blue` of each vertex if `colours` are given,
-/// and `vertex_indices` with a one-byte length if there are faces.
+/// Writes a little-endian binary PLY file: `x`, `y`, `z`, then `red`, `green`, `blue` of each vertex if `colours` are
+/// given, and `vertex_indices` with a one-byte length if there are faces.
 ///
 /// Fails with `InvalidInput` unless there is one colour for each vertex.
 pub fn write_ply_with(

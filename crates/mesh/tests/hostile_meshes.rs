@@ -1,5 +1,5 @@
-//! What readers must survive: a corpus of hostile files, and valid files mutated at random. Every reader answers every input
-//! without a panic, in time and memory proportional to the bytes that are there.
+//! What readers must survive: a corpus of hostile files, and valid files mutated at random. Every reader answers every
+//! input without a panic, in time and memory proportional to the bytes that are there.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;

@@ -1,7 +1,7 @@
-//! Random solves of the exact methods on small hard meshes, judged against dense solves:
-//! `cargo bench --bench campaign_exact -- --solves 1000 --seed 1 [--multiple] [--verbose] [--record FOLDER]`; `--multiple` draws problems whose
-//! eigenvalues are multiple, and counts that cut them. Fails where an answer that is called complete is not. `benches/judge.py` judges records by
-//! SciPy.
+//! Random solves of the exact methods on small hard meshes, judged against dense solves: `cargo bench --bench
+//! campaign_exact -- --solves 1000 --seed 1 [--multiple] [--verbose] [--record FOLDER]`; `--multiple` draws problems
+//! whose eigenvalues are multiple, and counts that cut them. Fails where an answer that is called complete is not.
+//! `benches/judge.py` judges records by SciPy.
 
 mod exact_cases;
 

@@ -1,10 +1,11 @@
-//! A stroke of sixty faces is dragged beside others that stay: `cargo bench --bench drag`. Milliseconds of a frame, the solution alone: the first,
-//! the second, and the median, the 95th percentile, the least and the mean processor time of those after, over the number of constrained faces; on a
-//! sphere of 82,000 faces, vector fields.
+//! A stroke of sixty faces is dragged beside others that stay: `cargo bench --bench drag`. Milliseconds of a frame, the
+//! solution alone: the first, the second, and the median, the 95th percentile, the least and the mean processor time of
+//! those after, over the number of constrained faces; on a sphere of 82,000 faces, vector fields.
 //!
-//! `CHLADNI_DRAG_DIMENSION` (2000), `CHLADNI_DRAG_FACES` (60,240,600,1200,2000), `CHLADNI_DRAG_MOVING` (60), `CHLADNI_DRAG_EXACT` (constraints are met
-//! exactly), `CHLADNI_DRAG_SPARSE` (a sparse factor takes the place of Ritz coordinates, as it does beyond 8,192 dimensions), `CHLADNI_DRAG_KIND`
-//! `cross` (4-fields), `CHLADNI_DRAG_FRAMES` (40).
+//! `CHLADNI_DRAG_DIMENSION` (2000), `CHLADNI_DRAG_FACES` (60,240,600,1200,2000), `CHLADNI_DRAG_MOVING` (60),
+//! `CHLADNI_DRAG_EXACT` (constraints are met exactly), `CHLADNI_DRAG_SPARSE` (a sparse factor takes the place of Ritz
+//! coordinates, as it does beyond 8,192 dimensions), `CHLADNI_DRAG_KIND` `cross` (4-fields), `CHLADNI_DRAG_FRAMES`
+//! (40).
 
 use std::time::Instant;
 

@@ -1,5 +1,6 @@
-//! Sparse factors of the shifted pencil of a surface of genus 3: `cargo bench --bench factor`. Milliseconds of the order, of the analysis of the
-//! structure, of a factor in the memory of the last one, and of a count that keeps none, over vertices and threads; the least of some runs each.
+//! Sparse factors of the shifted pencil of a surface of genus 3: `cargo bench --bench factor`. Milliseconds of the
+//! order, of the analysis of the structure, of a factor in the memory of the last one, and of a count that keeps none,
+//! over vertices and threads; the least of some runs each.
 //!
 //! `CHLADNI_FACTOR_VERTICES` (5000,20000,130000,540000), `CHLADNI_FACTOR_THREADS` (1,2).
 

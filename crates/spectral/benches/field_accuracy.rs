@@ -1,16 +1,20 @@
 //! How far designs in field bases are from those in the space of all fields, in percent of the L² norm:
 //! `CHLADNI_MESHES=… cargo bench --bench field_accuracy`.
 //!
-//! `CHLADNI_ACCURACY_MESHES`, files separated by commas; `CHLADNI_ACCURACY_FIELDS`, `vector`, `tensor` or the `n` of n-vectors;
-//! `CHLADNI_ACCURACY_BASES`, of `heat`, `accurate` and `local`, with details as in `local:SIGMA` and `heat:tolerance=0.003/degree=8`;
-//! `CHLADNI_ACCURACY_DIMENSION`.
+//! `CHLADNI_ACCURACY_MESHES`, files separated by commas; `CHLADNI_ACCURACY_FIELDS`, `vector`, `tensor` or the `n` of
+//! n-vectors; `CHLADNI_ACCURACY_BASES`, of `heat`, `accurate` and `local`, with details as in `local:SIGMA` and
+//! `heat:tolerance=0.003/degree=8`; `CHLADNI_ACCURACY_DIMENSION`.
 //!
-//! - Projection: fields of least energy `B + M` under 10 to 50 random constraints, projected to the space; mean and largest of ten.
-//! - Smoothing: minimisers of (3.8) close to such a field with noise of its own size, with weights for the energies `S`, both, and `B`.
+//! - Projection: fields of least energy `B + M` under 10 to 50 random constraints, projected to the space; mean and
+//!   largest of ten.
+//! - Smoothing: minimisers of (3.8) close to such a field with noise of its own size, with weights for the energies
+//!   `S`, both, and `B`.
 //! - Patches: the same with directions given on twelve disks alone.
-//! - Pins and strokes: 16 directions that are met exactly, and 16 strokes of some twenty faces with strength 1, with the default weights.
+//! - Pins and strokes: 16 directions that are met exactly, and 16 strokes of some twenty faces with strength 1, with
+//!   the default weights.
 //!
-//! Beside the table, how far the fields of the space that are nearest to these minimisers are from them: no design in it can be closer.
+//! Beside the table, how far the fields of the space that are nearest to these minimisers are from them: no design in
+//! it can be closer.
 
 use std::time::Instant;
 

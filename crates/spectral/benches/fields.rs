@@ -1,8 +1,9 @@
 //! Field bases and design on a sphere of 82,000 faces, 1,000 dimensions: `cargo bench --bench fields`.
 //!
-//! The cost of a basis over its dimension, as a table: `CHLADNI_TABLE=1 cargo bench --bench fields`, on that sphere or on the mesh files (PLY, OBJ,
-//! OFF, separated by commas) of `CHLADNI_TABLE_MESHES`, for the dimensions of `CHLADNI_TABLE_DIMENSIONS`, the field of `CHLADNI_TABLE_FIELD`
-//! (`vector`, `tensor` or the `n` of n-vectors), on as many threads as `RAYON_NUM_THREADS` says.
+//! The cost of a basis over its dimension, as a table: `CHLADNI_TABLE=1 cargo bench --bench fields`, on that sphere or
+//! on the mesh files (PLY, OBJ, OFF, separated by commas) of `CHLADNI_TABLE_MESHES`, for the dimensions of
+//! `CHLADNI_TABLE_DIMENSIONS`, the field of `CHLADNI_TABLE_FIELD` (`vector`, `tensor` or the `n` of n-vectors), on as
+//! many threads as `RAYON_NUM_THREADS` says.
 
 use std::sync::{LazyLock, Mutex};
 use std::time::Instant;

@@ -120,7 +120,8 @@ fn filter_coordinates(bencher: Bencher) {
     bencher.bench(|| filter(&CASE.basis, &CASE.functions, &Transfer::Heat { time: 1e-3 }));
 }
 
-/// A frame of a simulation: 500 modes with three coordinates in a space of 1000 functions. `CHLADNI_BENCH_VERTICES=165000` for the thesis' size.
+/// A frame of a simulation: 500 modes with three coordinates in a space of 1000 functions.
+/// `CHLADNI_BENCH_VERTICES=165000` for the thesis' size.
 #[divan::bench(max_time = 3)]
 fn frame_of_500_modes(bencher: Bencher) {
     let n = CASE.mesh.positions.len();
@@ -146,8 +147,8 @@ fn frame_of_500_modes(bencher: Bencher) {
     bencher.bench_local(|| lifter.lift(&q, &mut out));
 }
 
-/// The lowest 100 pairs of members of a family, d = 780, on a knot of 20,000 vertices and, where `CHLADNI_MESHES` names their folder, on real
-/// meshes: the extrinsic parameter and the factor of the curvature potential (at unit area).
+/// The lowest 100 pairs of members of a family, d = 780, on a knot of 20,000 vertices and, where `CHLADNI_MESHES` names
+/// their folder, on real meshes: the extrinsic parameter and the factor of the curvature potential (at unit area).
 #[divan::bench(max_time = 1, args = ["knot", "armadillo.obj", "bunny.obj"], consts = [0, 1, 2, 3, 4, 5, 6])]
 fn family_spectrum<const MEMBER: usize>(bencher: Bencher, name: &str) {
     static FAMILIES: LazyLock<Mutex<HashMap<String, Arc<FamilyBasis>>>> = LazyLock::new(Mutex::default);

@@ -1,8 +1,9 @@
-//! Orders of elimination: how long they take to find, and how much the factors fill in by them, as a share of the entries by minimum degree; and how
-//! long the symbolic part and a factor take then.
+//! Orders of elimination: how long they take to find, and how much the factors fill in by them, as a share of the
+//! entries by minimum degree; and how long the symbolic part and a factor take then.
 //!
-//! `CHLADNI_MESHES=FOLDER CHLADNI_ORDERED=armadillo.obj,igea.ply RAYON_NUM_THREADS=1 cargo bench --bench ordering`; `CHLADNI_SUBDIVIDED=2` divides
-//! each mesh so many times, and `CHLADNI_BY_DEGREE=0` leaves minimum degree out.
+//! `CHLADNI_MESHES=FOLDER CHLADNI_ORDERED=armadillo.obj,igea.ply RAYON_NUM_THREADS=1 cargo bench --bench
+//! ordering`; `CHLADNI_SUBDIVIDED=2` divides each mesh so many times, and `CHLADNI_BY_DEGREE=0` leaves minimum degree
+//! out.
 
 use std::time::Instant;
 

@@ -1,8 +1,9 @@
 //! Pencils without a mesh: `cargo bench --bench pencils`. CPU seconds and the largest resident memory so far.
 //!
-//! Stiffness matrices of a cube of tetrahedra with about `CHLADNI_PENCIL_TETS` (30000) unknowns and `CHLADNI_PENCIL_COUNT` (200) pairs; and
-//! Laplacians of the surfaces in `CHLADNI_PENCIL_MESHES` (a list with commas of files), with positions and without, 50 and 250 pairs. Residuals of
-//! 1e-2 on surfaces, as in the other tables, and 1e-6 in the cube.
+//! Stiffness matrices of a cube of tetrahedra with about `CHLADNI_PENCIL_TETS` (30000) unknowns and
+//! `CHLADNI_PENCIL_COUNT` (200) pairs; and Laplacians of the surfaces in `CHLADNI_PENCIL_MESHES` (a list with commas of
+//! files), with positions and without, 50 and 250 pairs. Residuals of 1e-2 on surfaces, as in the other tables, and
+//! 1e-6 in the cube.
 
 use std::path::Path;
 

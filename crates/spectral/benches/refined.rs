@@ -1,10 +1,12 @@
-//! Designs refined to the whole surface by cycles, as on surfaces that are too large for factors: `cargo bench --bench refined`. Default weights,
-//! strokes spread over a surface. Of each mesh and tolerance the responses that were computed, seconds, processor seconds of all threads, and how far
-//! the reduced design is off; and how far the field is from one of a hundredth of the tolerance, as a share of its length.
+//! Designs refined to the whole surface by cycles, as on surfaces that are too large for factors:
+//! `cargo bench --bench refined`. Default weights, strokes spread over a surface. Of each mesh and tolerance the
+//! responses that were computed, seconds, processor seconds of all threads, and how far the reduced design is off; and
+//! how far the field is from one of a hundredth of the tolerance, as a share of its length.
 //!
-//! `CHLADNI_MESHES` is the folder, `CHLADNI_REFINED_MESHES` names (igea.ply), `CHLADNI_SUBDIVIDED` how often surfaces are subdivided (0),
-//! `CHLADNI_REFINED_KIND` (vector,cross), `CHLADNI_REFINED_DIMENSION` (1000), `CHLADNI_REFINED_STROKES` (16), `CHLADNI_REFINED_EXACT` (constraints are
-//! met exactly), `CHLADNI_REFINED_TOLERANCES` (2e-3,1e-8), `CHLADNI_REFINED_CHECKED` (fields are compared with closer ones).
+//! `CHLADNI_MESHES` is the folder, `CHLADNI_REFINED_MESHES` names (igea.ply), `CHLADNI_SUBDIVIDED` how often surfaces
+//! are subdivided (0), `CHLADNI_REFINED_KIND` (vector,cross), `CHLADNI_REFINED_DIMENSION` (1000),
+//! `CHLADNI_REFINED_STROKES` (16), `CHLADNI_REFINED_EXACT` (constraints are met exactly), `CHLADNI_REFINED_TOLERANCES`
+//! (2e-3,1e-8), `CHLADNI_REFINED_CHECKED` (fields are compared with closer ones).
 
 use std::path::Path;
 use std::time::Instant;

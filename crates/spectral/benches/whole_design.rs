@@ -1,11 +1,13 @@
-//! Designs among all fields of a surface by sparse factors, beside those in the default space: `cargo bench --bench whole_design`. 4-fields, default
-//! weights, random exact constraints. Of each mesh how far the reduced designs are off as shares of length (median and worst of the sets), and
-//! milliseconds of a design of the whole surface: the first, which factors, and the median and the 95th percentile where one constraint of eight
-//! moves from frame to frame, with coefficients of the space and without. Then what all that takes in megabytes, and of two factors in bytes for each
-//! face, number of a block squared and halving of the surface.
+//! Designs among all fields of a surface by sparse factors, beside those in the default space:
+//! `cargo bench --bench whole_design`. 4-fields, default weights, random exact constraints. Of each mesh how far the
+//! reduced designs are off as shares of length (median and worst of the sets), and milliseconds of a design of the
+//! whole surface: the first, which factors, and the median and the 95th percentile where one constraint of eight moves
+//! from frame to frame, with coefficients of the space and without. Then what all that takes in megabytes, and of two
+//! factors in bytes for each face, number of a block squared and halving of the surface.
 //!
-//! `CHLADNI_MESHES` is the folder, `CHLADNI_WHOLE_MESHES` names (homer-remeshed-4531.off,cheburashka.obj,armadillo.obj), `CHLADNI_WHOLE_KIND` `vector` in
-//! place of 4-fields, `CHLADNI_WHOLE_DIMENSION` (1000), `CHLADNI_SUBDIVIDED` how often surfaces are subdivided.
+//! `CHLADNI_MESHES` is the folder, `CHLADNI_WHOLE_MESHES` names
+//! (homer-remeshed-4531.off,cheburashka.obj,armadillo.obj), `CHLADNI_WHOLE_KIND` `vector` in place of 4-fields,
+//! `CHLADNI_WHOLE_DIMENSION` (1000), `CHLADNI_SUBDIVIDED` how often surfaces are subdivided.
 
 use std::time::Instant;
 

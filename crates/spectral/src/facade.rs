@@ -69,8 +69,8 @@ pub enum MeshSolveError {
 }
 
 impl Mesh {
-    /// Reads a file, in the format that its ending names, and repairs what can be repaired without loss; gzip is unpacked first, and its ending `.gz`
-    /// is none. Vertices and faces are limited as in [`ReadLimits::default`].
+    /// Reads a file, in the format that its ending names, and repairs what can be repaired without loss; gzip is
+    /// unpacked first, and its ending `.gz` is none. Vertices and faces are limited as in [`ReadLimits::default`].
     ///
     /// # Errors
     /// [`MeshSolveError`]: a file that cannot be read, or is no mesh.
@@ -92,8 +92,8 @@ impl Mesh {
         Self::checked(read(&bytes, format, &ReadLimits::default())?)
     }
 
-    /// A mesh of positions and faces, which name them from 0 on; without faces, a set of points, which are numbered anew: see
-    /// [`numbering`](Self::numbering).
+    /// A mesh of positions and faces, which name them from 0 on; without faces, a set of points, which are numbered
+    /// anew: see [`numbering`](Self::numbering).
     ///
     /// # Errors
     /// [`MeshSolveError::Mesh`] names the first element that makes the mesh unusable.
@@ -128,7 +128,8 @@ impl Mesh {
     }
 }
 
-/// A question for eigenpairs of a [`Mesh`], until [`exact`](Self::exact) or [`approximate`](Self::approximate) answers it.
+/// A question for eigenpairs of a [`Mesh`], until [`exact`](Self::exact) or [`approximate`](Self::approximate) answers
+/// it.
 #[derive(Clone)]
 pub struct Eigen<'a> {
     mesh: &'a Mesh,
@@ -139,7 +140,8 @@ pub struct Eigen<'a> {
 }
 
 impl<'a> Eigen<'a> {
-    /// The operator, its mass and its boundary condition, instead of the Laplacian with a lumped mass and a free boundary.
+    /// The operator, its mass and its boundary condition, instead of the Laplacian with a lumped mass and a free
+    /// boundary.
     pub fn operator(mut self, operator: OperatorParameters) -> Self {
         self.operator = operator;
         self
@@ -180,8 +182,8 @@ impl<'a> Eigen<'a> {
         Ok(hsim::solve(&surface, &operator.problem, &parameters, false, self.monitor)?)
     }
 
-    /// The pairs in a space of locally supported functions, each with an estimate of its error, which is to be at most `goal` of the value:
-    /// [`approximate`].
+    /// The pairs in a space of locally supported functions, each with an estimate of its error, which is to be at most
+    /// `goal` of the value: [`approximate`].
     ///
     /// # Errors
     /// [`MeshSolveError`]: an operator that the mesh does not allow, or a space that does not hold so many pairs.

@@ -1,8 +1,8 @@
 //! Spectral geometry: eigenbases of surfaces and solids, compact and certified, and what they are good for.
 //!
-//! A [`mesh`] is read and checked, an [`operator`] is assembled on it, its eigenproblem is solved ([`spectrum`]), and the eigenfunctions
-//! become a [`basis`] that can be stored in several [`formats`] and used in [`analysis`]: filters, distances, signatures, functional maps,
-//! vibration. Tangential fields have spaces of their own ([`field`]).
+//! A [`mesh`] is read and checked, an [`operator`] is assembled on it, its eigenproblem is solved ([`spectrum`]), and
+//! the eigenfunctions become a [`basis`] that can be stored in several [`formats`] and used in [`analysis`]: filters,
+//! distances, signatures, functional maps, vibration. Tangential fields have spaces of their own ([`field`]).
 //!
 //! # A file and its eigenpairs
 //!
@@ -36,8 +36,8 @@
 //!
 //! # A basis of a mesh file
 //!
-//! A hundred approximate pairs in a subspace of 300 locally supported functions, each pair with an estimate of its error, as an NPZ
-//! file that NumPy and SciPy open:
+//! A hundred approximate pairs in a subspace of 300 locally supported functions, each pair with an estimate of its
+//! error, as an NPZ file that NumPy and SciPy open:
 //!
 //! ```no_run
 //! use chladni_spectral::formats::npz;
@@ -66,12 +66,14 @@
 //!
 //! # Long work
 //!
-//! What takes long reports to a [`Monitor`], which may also end it; [`Unwatched`] does neither. All of it runs on the rayon pool of the
-//! calling thread. Nothing here reads the environment or prints, and [`Mesh::read`] alone opens a file.
+//! What takes long reports to a [`Monitor`], which may also end it; [`Unwatched`] does neither. All of it runs on the
+//! rayon pool of the calling thread. Nothing here reads the environment or prints, and [`Mesh::read`] alone opens a
+//! file.
 //!
 //! # Features
 //!
-//! `gpu`, off by default: large dense problems on a graphics card, through wgpu, once [`algebra::gpu::choose`] has named one.
+//! `gpu`, off by default: large dense problems on a graphics card, through wgpu, once [`algebra::gpu::choose`] has
+//! named one.
 
 pub mod analysis;
 pub mod basis;

@@ -1,9 +1,10 @@
 //! An eigenbasis judged again from its mesh, by whoever received it.
 //!
-//! Nothing of a solver takes part: the operator is assembled anew, residuals and inner products are summed column by column from the functions as
-//! they are stored, and eigenvalues are counted by another factorisation ([`eigenvalues_below`]). For each pair some exact eigenvalue lies within
-//! `‖Sx − θMx‖_{M⁻¹} / ‖x‖_M` of its value; where the count below a shift in a gap between these intervals is the number of values below it, none is
-//! missing there.
+//! Nothing of a solver takes part: the operator is assembled anew, residuals and inner products are summed column by
+//! column from the functions as they are stored, and eigenvalues are counted by another factorisation
+//! ([`eigenvalues_below`]). For each pair some exact eigenvalue lies within `‖Sx − θMx‖_{M⁻¹} / ‖x‖_M` of its value;
+//! where the count below a shift in a gap between these intervals is the number of values below it, none is missing
+//! there.
 
 mod finding;
 mod kinds;
@@ -30,7 +31,8 @@ pub struct Verification {
     pub orthonormality_defect: f64,
     /// The counts that were made.
     pub counts: Vec<Recount>,
-    /// The lowest so many pairs are the lowest eigenvalues, and none is missing among them; `None` where the basis claims no such thing.
+    /// The lowest so many pairs are the lowest eigenvalues, and none is missing among them; `None` where the basis
+    /// claims no such thing.
     pub proven: Option<usize>,
     /// What is wrong. Empty where everything is as the basis says.
     pub findings: Vec<Finding>,
@@ -49,8 +51,8 @@ impl Verification {
         }
     }
 
-    /// `confirmed` where everything is as the basis says, `refuted` where something is not, `unconfirmed` where nothing is wrong and something could
-    /// not be judged.
+    /// `confirmed` where everything is as the basis says, `refuted` where something is not, `unconfirmed` where nothing
+    /// is wrong and something could not be judged.
     pub fn verdict(&self) -> &'static str {
         if self.findings.is_empty() {
             "confirmed"
@@ -104,7 +106,8 @@ const NEXT_TO: f64 = 1e-3;
 /// Gaps of less than this share of the value hold no shift.
 const LEAST_GAP: f64 = 1e-9;
 
-/// Judges `basis` by the `operator` of the mesh that it is said to be of. Stages: `residuals`, `orthonormality`, `count`.
+/// Judges `basis` by the `operator` of the mesh that it is said to be of. Stages: `residuals`, `orthonormality`,
+/// `count`.
 ///
 /// The whole basis is held in double precision: `8 n m` bytes.
 ///
@@ -120,8 +123,8 @@ struct Claims {
     residuals: bool,
     /// Whether its certificate has counts, where it claims to be complete.
     counts: bool,
-    /// Where the functions are gradients, and the values the Rayleigh quotients of what they are the gradients of: the lowest value above zero, on
-    /// unit area.
+    /// Where the functions are gradients, and the values the Rayleigh quotients of what they are the gradients of: the
+    /// lowest value above zero, on unit area.
     gradients_of: Option<f64>,
     /// Half a unit in the last place of what is stored.
     unit: f64,
@@ -302,9 +305,11 @@ impl Subject<'_> {
         let r: Vec<f64> = sx.iter().zip(&mx).map(|(s, m)| s - theta * m).collect();
         let (mass, energy) = (dot(x, &mx), dot(x, &sx));
         let length = |v: &[f64]| dot(v, v).sqrt();
-        // As the solvers have it: those to a tolerance know a kernel by what rounding leaves of ‖S x‖, approximations by its value.
+        // As the solvers have it: those to a tolerance know a kernel by what rounding leaves of ‖S x‖, approximations
+        // by its value.
         let rounded = f64::EPSILON * self.longest * length(&magnitudes);
-        // What is known to be in it, as rigid motions and harmonic fields are, has the value zero; of that, storing leaves some digits.
+        // What is known to be in it, as rigid motions and harmonic fields are, has the value zero; of that, storing
+        // leaves some digits.
         let stored_kernel = theta == 0.0 && length(&sx) <= 4.0 * self.claims.unit * norm * length(x);
         let is_kernel = if certificate.accuracy.is_some() {
             theta.abs() <= KERNEL
@@ -387,9 +392,9 @@ impl Subject<'_> {
         Ok(defect)
     }
 
-    /// Counts at the highest shift of the certificate, and where that does not settle it in the highest gap between the values. Residuals of
-    /// approximate pairs leave no gap; that they are the lowest, index by index, rests on bounds that are not derived again, so that nothing is said
-    /// beyond the count.
+    /// Counts at the highest shift of the certificate, and where that does not settle it in the highest gap between the
+    /// values. Residuals of approximate pairs leave no gap; that they are the lowest, index by index, rests on bounds
+    /// that are not derived again, so that nothing is said beyond the count.
     fn count(&self, verification: &mut Verification, monitor: &dyn Monitor) -> Result<(), Cancelled> {
         let (values, first) = (&self.basis.eigenvalues, self.basis.certificate.first);
         let last = first + values.len();
@@ -441,7 +446,8 @@ impl Subject<'_> {
         if verification.proven.is_some() {
             return Ok(());
         }
-        // Just above the last pair, where nothing else is there; behind it there may be others of its cluster, which nobody asked for.
+        // Just above the last pair, where nothing else is there; behind it there may be others of its cluster, which
+        // nobody asked for.
         let end = highest(values.len());
         let beyond = claimed.map_or(0.0, |claim| (claim.shift - end) * NEXT_TO).max(2.0 * LEAST_GAP * end.abs());
         if beyond > 0.0 && end.is_finite() {
@@ -487,8 +493,8 @@ impl Subject<'_> {
         Ok(())
     }
 
-    /// Whether as many eigenvalues lie below the first pair as its index says, counted again at the highest shift of the certificate below `least`,
-    /// which is the lower end of all intervals.
+    /// Whether as many eigenvalues lie below the first pair as its index says, counted again at the highest shift of
+    /// the certificate below `least`, which is the lower end of all intervals.
     fn first_is_counted(&self, least: f64, verification: &mut Verification, monitor: &dyn Monitor) -> bool {
         let first = self.basis.certificate.first;
         let claims = self.basis.certificate.inertia.iter().filter(|claim| claim.shift < least);

@@ -102,7 +102,8 @@ fn none_of_a_thousand_altered_bases_is_confirmed() {
                 "two functions are exchanged"
             }
             3 => {
-                // A pair is left out, and what follows moves up; the certificate is made to fit. Without the last the others are still the lowest.
+                // A pair is left out, and what follows moves up; the certificate is made to fit. Without the last the
+                // others are still the lowest.
                 let pair = 1 + (pair - 1) % 18;
                 altered.eigenvalues.remove(pair);
                 altered.certificate.residuals.remove(pair);
@@ -187,7 +188,8 @@ fn a_basis_of_another_mesh_or_operator_is_found_out() {
     assert!(!verify(&basis, &consistent, &Unwatched).unwrap().findings.is_empty());
 }
 
-/// What counts of the solver lie above is often one eigenvalue more than is delivered. That hides no pair that is missing next to the last.
+/// What counts of the solver lie above is often one eigenvalue more than is delivered. That hides no pair that is
+/// missing next to the last.
 #[test]
 fn no_pair_next_to_the_last_may_be_missing_or_another() {
     let operator = operator(Shape::Knot, 600, MassKind::Barycentric, Boundary::Neumann);

@@ -1,4 +1,5 @@
-//! The fast approximation of the Laplacian in solids, against analytic spectra and against exact pairs of the same pencil.
+//! The fast approximation of the Laplacian in solids, against analytic spectra and against exact pairs of the same
+//! pencil.
 
 use std::f64::consts::PI;
 

@@ -32,7 +32,8 @@ fn laid(surface: &FieldSurface, n: u32, levels: u32) -> Vec<Streamline> {
     streamlines(surface, n, &around(surface, n), &parameters, &Unwatched).unwrap()
 }
 
-/// The length of ink in pixels on either half of the picture, of the strokes that run across and of those that run up and down.
+/// The length of ink in pixels on either half of the picture, of the strokes that run across and of those that run up
+/// and down.
 fn ink(drawing: &Drawing) -> [[f64; 2]; 2] {
     let mut sums = [[0.0; 2]; 2];
     for pair in drawing.strokes.iter().flat_map(|stroke| stroke.windows(2)) {

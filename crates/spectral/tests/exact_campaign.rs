@@ -1,4 +1,5 @@
-//! A short run of the campaign on small hard meshes: nothing that is called complete is false, and every value lies within its bound.
+//! A short run of the campaign on small hard meshes: nothing that is called complete is false, and every value lies
+//! within its bound.
 
 #[path = "../benches/exact_cases/mod.rs"]
 mod exact_cases;
@@ -23,7 +24,8 @@ fn answers_that_are_called_complete_are_complete() {
 
 #[test]
 fn a_large_constant_potential_makes_no_tolerance_too_tight() {
-    // Two rectangles joined by a hair: without the constant the second value is 10⁻⁸ of what the tolerance is relative to.
+    // Two rectangles joined by a hair: without the constant the second value is 10⁻⁸ of what the tolerance is relative
+    // to.
     let summary = exact_cases::run(&Campaign { first: 210_534, ..campaign(Family::Hard, 3) }, |_| {});
     assert!(summary.lines.is_empty(), "{}", summary.lines.join("\n"));
     assert_eq!((summary.complete, summary.solves), (3, 3), "{:?}", summary.failures);

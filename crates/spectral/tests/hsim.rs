@@ -1,4 +1,5 @@
-//! Exact eigenpairs against what is known: analytic spectra with their order of convergence, references on real meshes, hostile meshes.
+//! Exact eigenpairs against what is known: analytic spectra with their order of convergence, references on real meshes,
+//! hostile meshes.
 
 mod references;
 

@@ -65,7 +65,8 @@ fn pencil(stiffness: &SparseMatrix, mass: &Mass) -> Pencil {
     Pencil::new(stiffness.clone(), mass.clone(), &[], &Unwatched).unwrap()
 }
 
-/// Solves, and compares values with exact ones to `error` of the largest, vectors with the matrices, and enclosures with both.
+/// Solves, and compares values with exact ones to `error` of the largest, vectors with the matrices, and enclosures
+/// with both.
 fn proven(stiffness: &SparseMatrix, mass: &Mass, parameters: &Parameters, exact: &[f64], error: f64) -> Pairs {
     let pencil = pencil(stiffness, mass);
     let pairs =
@@ -124,7 +125,8 @@ fn paths_grids_and_tori_have_their_spectra_with_every_multiplicity() {
     proven(&laplacian(2304, &grid(48, 48, true)), &Mass::Identity, &lowest(45), &exact[..45], 1e-9);
 }
 
-/// A hub and a rim: all but the ends of the spectrum lie in `[1, 5]`, and the lowest of them a hundred-thousandth apart.
+/// A hub and a rim: all but the ends of the spectrum lie in `[1, 5]`, and the lowest of them a hundred-thousandth
+/// apart.
 #[test]
 fn clusters_far_above_zero_are_told_apart() {
     for rim in [1500, 2500] {
@@ -137,8 +139,8 @@ fn clusters_far_above_zero_are_told_apart() {
     }
 }
 
-/// Two wheels whose hubs are joined: two values near zero, and then the same clusters, each value four times. A shift between these two is among what is
-/// wanted, but in the middle of nothing.
+/// Two wheels whose hubs are joined: two values near zero, and then the same clusters, each value four times. A shift
+/// between these two is among what is wanted, but in the middle of nothing.
 #[test]
 fn clusters_above_a_pair_of_low_values_are_told_apart() {
     for rim in [1000, 2000] {
@@ -156,7 +158,8 @@ fn clusters_above_a_pair_of_low_values_are_told_apart() {
     }
 }
 
-/// The curl of edges of a grid of squares: all gradients are in its kernel, more than any block of a Krylov space has columns. Beside it another grid.
+/// The curl of edges of a grid of squares: all gradients are in its kernel, more than any block of a Krylov space has
+/// columns. Beside it another grid.
 #[test]
 fn kernels_of_hundreds_of_dimensions_and_what_lies_above_are_found() {
     let (width, height) = (20, 15);
@@ -227,8 +230,8 @@ fn diagonal_matrices_are_their_own_spectra() {
     proven(&matrix(2, &[(0, 0, 4.0), (1, 1, 4.0)]), &Mass::Identity, &lowest(2), &[4.0; 2], 1e-12);
 }
 
-/// A random symmetric matrix of `n` rows with about `each` entries in a row beside the diagonal, which is `diagonal` plus a share of their
-/// magnitudes.
+/// A random symmetric matrix of `n` rows with about `each` entries in a row beside the diagonal, which is `diagonal`
+/// plus a share of their magnitudes.
 fn random(n: usize, each: usize, diagonal: f64, share: f64, seed: u64) -> SparseMatrix {
     let mut random = SplitMix64::new(seed);
     let mut entries: Vec<_> = (0..n).map(|k| (k, k, diagonal)).collect();
@@ -447,8 +450,9 @@ fn what_is_no_pencil_is_refused_by_its_first_entry() {
 
 #[test]
 fn clusters_of_copies_are_whole_from_every_random_start() {
-    // Twenty equal paths, their rows shuffled: every eigenvalue is there twenty times. scipy.sparse.linalg.eigsh in shift-invert mode returns sets with
-    // copies left out as converged, from 9 of 30 random starts at its default tolerance, and from 30 of 30 at 1e-6.
+    // Twenty equal paths, their rows shuffled: every eigenvalue is there twenty times. scipy.sparse.linalg.eigsh in
+    // shift-invert mode returns sets with copies left out as converged, from 9 of 30 random starts at its default
+    // tolerance, and from 30 of 30 at 1e-6.
     let (copies, n) = (20, 80);
     let places = SplitMix64::new(3).permutation(copies * n);
     let place = |row: usize| places[row] as usize;

@@ -80,8 +80,8 @@ fn corners(surface: &FieldSurface) -> Vec<(usize, [[usize; 2]; 2])> {
     both.collect()
 }
 
-/// The greatest jump of coordinates across an edge that is not cut, and of their differences along one that is, after its quarter turns; and all
-/// translations.
+/// The greatest jump of coordinates across an edge that is not cut, and of their differences along one that is, after
+/// its quarter turns; and all translations.
 fn seams(surface: &FieldSurface, combed: &Combed, found: &Parametrisation) -> (f64, Vec<Planar>) {
     let at = |corner: usize| found.coordinates[corner / 3][corner % 3];
     let (mut worst, mut translations) = (0.0f64, Vec::new());
@@ -128,7 +128,8 @@ fn coordinates_are_seamless_whatever_the_field_and_the_surface() {
     }
 }
 
-/// The least energy of coordinates of corners that are tied together only by what has to hold across each edge: no seams, no nodes, all corners free.
+/// The least energy of coordinates of corners that are tied together only by what has to hold across each edge: no
+/// seams, no nodes, all corners free.
 fn least(surface: &FieldSurface, combed: &Combed, spacing: f64) -> Vec<[Planar; 3]> {
     let n = 6 * surface.faces();
     let mut matrix = DenseMatrix::zeros(n, n);

@@ -1,4 +1,5 @@
-//! The Laplacian on tetrahedra against one that SciPy assembles of the same file, in the numbering of the file and by another formula.
+//! The Laplacian on tetrahedra against one that SciPy assembles of the same file, in the numbering of the file and by
+//! another formula.
 
 use std::process::Command;
 

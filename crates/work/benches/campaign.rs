@@ -1,12 +1,15 @@
-//! How far the eigenvalues of the fast approximation are off, over many meshes, seeds and counts: `CHLADNI_MESHES=… cargo bench --bench campaign`.
+//! How far the eigenvalues of the fast approximation are off, over many meshes, seeds and counts:
+//! `CHLADNI_MESHES=… cargo bench --bench campaign`.
 //!
-//! Every surface of the folder with 500 to 60,000 vertices as it is, cut in half (a boundary), with a fifth of its edges flipped where that makes
-//! no fold (other triangles on the same surface), squashed to a third (thin triangles), and generated shapes, even, noisy and graded. The
-//! truth is HSIM with a tolerance of 1e-6. Printed are a row for each count over all runs, the worst runs by name, and whether any error
-//! exceeded its bound; the exit code is 1 where one did.
+//! Every surface of the folder with 500 to 60,000 vertices as it is, cut in half (a boundary), with a fifth of its
+//! edges flipped where that makes no fold (other triangles on the same surface), squashed to a third (thin triangles),
+//! and generated shapes, even, noisy and graded. The truth is HSIM with a tolerance of 1e-6. Printed are a row for each
+//! count over all runs, the worst runs by name, and whether any error exceeded its bound; the exit code is 1 where one
+//! did.
 //!
-//! `CHLADNI_CAMPAIGN_COUNTS` (10,20,50,100,200,500), `CHLADNI_CAMPAIGN_SEEDS` (2; so many from 0 on), `CHLADNI_CAMPAIGN_ONLY`, a part of the name of
-//! a mesh, `CHLADNI_CAMPAIGN_PARAMETERS`, JSON for the job (`{"construction": "radial"}`), `CHLADNI_CAMPAIGN_ROWS`, a file for a line of each run.
+//! `CHLADNI_CAMPAIGN_COUNTS` (10,20,50,100,200,500), `CHLADNI_CAMPAIGN_SEEDS` (2; so many from 0 on),
+//! `CHLADNI_CAMPAIGN_ONLY`, a part of the name of a mesh, `CHLADNI_CAMPAIGN_PARAMETERS`, JSON for the job
+//! (`{"construction": "radial"}`), `CHLADNI_CAMPAIGN_ROWS`, a file for a line of each run.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -269,7 +272,8 @@ fn with_faces(mesh: &TriangleMesh, mut faces: Vec<[u32; 3]>) -> TriangleMesh {
     TriangleMesh { positions, faces, ..Default::default() }
 }
 
-/// A share of the edges between two faces flipped, where both new triangles keep a tenth of the area and face the same way.
+/// A share of the edges between two faces flipped, where both new triangles keep a tenth of the area and face the same
+/// way.
 fn flipped(mesh: &TriangleMesh, share: f64) -> TriangleMesh {
     let mut edges: std::collections::HashMap<(u32, u32), usize> = std::collections::HashMap::new();
     let mut all: std::collections::HashSet<(u32, u32)> = std::collections::HashSet::new();

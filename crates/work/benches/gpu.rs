@@ -1,5 +1,5 @@
-//! The dense symmetric-definite eigenproblem on a graphics card, beside the CPU of the same machine and, where a Python with torch or CuPy is
-//! there, cuSOLVER; then a whole approximation of a large mesh:
+//! The dense symmetric-definite eigenproblem on a graphics card, beside the CPU of the same machine and, where a Python
+//! with torch or CuPy is there, cuSOLVER; then a whole approximation of a large mesh:
 //!
 //! ```sh
 //! cargo bench --bench gpu                              # the first card, d = 1000, 2000, 5000, 10000, the lowest half; then
@@ -9,7 +9,8 @@
 //! cargo bench --bench gpu -- --all --no-cpu 5000       # all pairs; the CPU is not measured
 //! ```
 //!
-//! `CHLADNI_PYTHON` names the Python; `CHLADNI_THREADS` the threads of the CPU. The first solve on a card is not measured: it compiles kernels.
+//! `CHLADNI_PYTHON` names the Python; `CHLADNI_THREADS` the threads of the CPU. The first solve on a card is not
+//! measured: it compiles kernels.
 
 use std::process::Command;
 use std::time::Instant;
@@ -117,7 +118,8 @@ fn main() {
     }
 }
 
-/// A whole approximation, in twice as many dimensions as pairs: its seconds, by stage, and what solved its dense problem and measured its pairs.
+/// A whole approximation, in twice as many dimensions as pairs: its seconds, by stage, and what solved its dense
+/// problem and measured its pairs.
 fn approximate(vertices: usize, pairs: usize) {
     let mesh = generate(Shape::Genus(3), vertices).unwrap();
     let job = JobParameters::parse("eigenbasis", &json!({"count": pairs})).unwrap();

@@ -1,5 +1,6 @@
-//! What each kind of job takes of the memory that it was promised, on meshes that nobody would choose: `cargo bench -p chladni-work --bench promise`,
-//! with a number of vertices, 20,000 unless told otherwise. It fails where one takes more.
+//! What each kind of job takes of the memory that it was promised, on meshes that nobody would choose:
+//! `cargo bench -p chladni-work --bench promise`, with a number of vertices, 20,000 unless told otherwise. It fails
+//! where one takes more.
 //!
 //! Each job runs in a process of its own, whose peak of resident memory is read from the kernel (Linux only).
 

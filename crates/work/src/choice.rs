@@ -1,5 +1,5 @@
-//! Members that are a known word or numbers. Serde's untagged enums would first hold the numbers as a tree of values, which takes many times their
-//! memory, and could not say what is wrong with them; here the first token decides.
+//! Members that are a known word or numbers. Serde's untagged enums would first hold the numbers as a tree of values,
+//! which takes many times their memory, and could not say what is wrong with them; here the first token decides.
 
 /// Reads an enum that is either a word (`Word(W)`) or, by its first token, an object, an array, or either.
 #[macro_export]

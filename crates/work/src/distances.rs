@@ -22,12 +22,14 @@ const MOST_SOURCES: usize = 256;
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum GeodesicMethod {
-    /// The heat method on the mesh, with the robust Laplacian: a percent or two off, milliseconds a source once the mesh is prepared.
+    /// The heat method on the mesh, with the robust Laplacian: a percent or two off, milliseconds a source once the
+    /// mesh is prepared.
     #[default]
     Heat,
     /// The lengths of shortest paths over the faces, to rounding.
     Exact,
-    /// The heat method with both of its solves in the basis: some percent off, since a basis cannot resolve the tip of a cone.
+    /// The heat method with both of its solves in the basis: some percent off, since a basis cannot resolve the tip of
+    /// a cone.
     Spectral,
 }
 
@@ -45,14 +47,15 @@ pub enum DistanceKind {
     Biharmonic,
     /// `d² = Σ (φ(x) − φ(y))² / λ`.
     CommuteTime,
-    /// Geodesic distance. Vertices that no path leads to are at an infinite distance, `null` in JSON, but for `spectral`, which cannot tell.
+    /// Geodesic distance. Vertices that no path leads to are at an infinite distance, `null` in JSON, but for
+    /// `spectral`, which cannot tell.
     Geodesic {
         /// How it is computed.
         #[serde(default)]
         #[cfg_attr(feature = "schema", schema(inline))]
         method: GeodesicMethod,
-        /// How long heat flows, in length² of the mesh; without it, the square of the mean edge, and by `spectral` for each face the shortest of a
-        /// ladder of times at which heat reaches it. Not for `exact`.
+        /// How long heat flows, in length² of the mesh; without it, the square of the mean edge, and by `spectral` for
+        /// each face the shortest of a ladder of times at which heat reaches it. Not for `exact`.
         time: Option<f64>,
     },
 }
@@ -114,8 +117,9 @@ pub enum DistanceFault {
 pub struct Distances {
     /// A row for each vertex or pair, a column for each source and, within it, each time.
     pub table: DenseMatrix,
-    /// Of geodesic distances by heat, by how much their slope, which is one, differs from one, on average over the area that is reached or along paths to the
-    /// sources: the largest of all sources. They are off by about this share of themselves or less.
+    /// Of geodesic distances by heat, by how much their slope, which is one, differs from one, on average over the area
+    /// that is reached or along paths to the sources: the largest of all sources. They are off by about this share of
+    /// themselves or less.
     pub slope_error: Option<f64>,
 }
 
@@ -201,7 +205,8 @@ fn check_vertices(
     }
 }
 
-/// Takes the distances of pairs out of those of all vertices from their first vertices, which `from` computes for each once.
+/// Takes the distances of pairs out of those of all vertices from their first vertices, which `from` computes for each
+/// once.
 fn of_pairs(
     pairs: &[[u32; 2]],
     vertices: usize,
@@ -290,7 +295,8 @@ impl DistanceRequest {
         Ok(if self.nearest { mesh.nearest_of(&[&self.sources], monitor)? } else { from(&self.sources)? })
     }
 
-    /// A row for each vertex or pair, a column for each source and, within it, each time. What a mesh is needed for is prepared, and forgotten.
+    /// A row for each vertex or pair, a column for each source and, within it, each time. What a mesh is needed for is
+    /// prepared, and forgotten.
     ///
     /// # Errors
     /// [`DistanceFault`] names what does not fit.

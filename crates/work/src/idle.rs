@@ -1,5 +1,6 @@
-//! The job `idle`: it waits, and leaves a function that is the same everywhere. For trials of what is around jobs: queue, leases, storage. No list of
-//! kinds has it, and a server takes it only where it was started with the hidden `--idle-jobs`.
+//! The job `idle`: it waits, and leaves a function that is the same everywhere. For trials of what is around jobs:
+//! queue, leases, storage. No list of kinds has it, and a server takes it only where it was started with the hidden
+//! `--idle-jobs`.
 
 use std::time::{Duration, Instant};
 

@@ -1,8 +1,8 @@
 //! The kinds of job, their parameters with defaults and limits, and how one runs: a pure function of its inputs and a
 //! [`Monitor`].
 //!
-//! A further kind is a file with its parameters, which implement [`Work`], a variant of [`JobParameters`] and a line in each of [`KINDS`],
-//! [`JobParameters::parse`] and `JobParameters::work`.
+//! A further kind is a file with its parameters, which implement [`Work`], a variant of [`JobParameters`] and a line in
+//! each of [`KINDS`], [`JobParameters::parse`] and `JobParameters::work`.
 
 mod choice;
 #[macro_use]
@@ -57,7 +57,8 @@ pub use pencil_basis::{PencilBasisParameters, ProblemSize};
 pub use provenance::{Provenance, ProvenanceError};
 pub use vibration_basis::{VibrationBasisParameters, VibrationMethodName};
 
-/// The version of the solvers: it enters the key of equal work, so that a better solver does not answer with old results.
+/// The version of the solvers: it enters the key of equal work, so that a better solver does not answer with old
+/// results.
 pub const SOLVER_VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "+22");
 
 /// The names of all kinds of job that work on a mesh.
@@ -257,7 +258,8 @@ impl MeshSize {
 
 /// What the parameters of every kind of job can do.
 pub trait Work {
-    /// The parameters as JSON with every default filled in: equal work has equal canonical parameters. Parsing gives them back.
+    /// The parameters as JSON with every default filled in: equal work has equal canonical parameters. Parsing gives
+    /// them back.
     fn canonical(&self) -> serde_json::Value;
 
     /// Checks the parameters against the size of a mesh.
@@ -394,8 +396,8 @@ impl JobParameters {
         self.work().canonical()
     }
 
-    /// The key of equal work, 64 hexadecimal digits: a hash of mesh, kind, canonical parameters and solver version. Into how many parts it is divided
-    /// makes no other work.
+    /// The key of equal work, 64 hexadecimal digits: a hash of mesh, kind, canonical parameters and solver version.
+    /// Into how many parts it is divided makes no other work.
     pub fn work_key(&self, mesh: &str) -> String {
         self.work_key_of(mesh, &self.canonical())
     }
@@ -411,7 +413,8 @@ impl JobParameters {
     /// Checks the parameters against the size of a mesh.
     ///
     /// # Errors
-    /// [`ParameterError::Value`] where they ask for more than the mesh has, [`ParameterError::NoFaces`] where it has only points and they need more.
+    /// [`ParameterError::Value`] where they ask for more than the mesh has, [`ParameterError::NoFaces`] where it has
+    /// only points and they need more.
     pub fn check_mesh(&self, mesh: MeshSize) -> Result<(), ParameterError> {
         let needs_faces = matches!(self, Self::FieldBasis(_) | Self::OperatorFamily(_) | Self::VibrationBasis(_));
         if mesh.are_points() && needs_faces {
@@ -531,7 +534,8 @@ pub fn abbreviated(parameters: &serde_json::Value) -> serde_json::Value {
 /// Values that are listed in full; longer lists are told by their number and their hash.
 pub const LONGEST_LIST: usize = 16;
 
-/// Shortens parameters for people: a list of numbers that is long, such as a potential, becomes its length and its BLAKE3 hash.
+/// Shortens parameters for people: a list of numbers that is long, such as a potential, becomes its length and its
+/// BLAKE3 hash.
 pub fn abbreviate(parameters: &mut serde_json::Value) {
     match parameters {
         serde_json::Value::Object(members) => members.values_mut().for_each(abbreviate),

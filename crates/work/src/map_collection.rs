@@ -18,7 +18,8 @@ use crate::packed::Packed;
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct MapCollectionParameters {
-    /// The size of the refined maps: 100, or as many pairs as all bases have, unless it is given. Shapes times pairs are at most 4,096.
+    /// The size of the refined maps: 100, or as many pairs as all bases have, unless it is given. Shapes times pairs
+    /// are at most 4,096.
     #[cfg_attr(feature = "schema", schema(minimum = 5, maximum = 300, example = 60))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pairs: Option<usize>,
@@ -32,7 +33,8 @@ pub struct MapCollectionParameters {
     /// Vertices of each surface that stand for it while maps are refined: at least twice the pairs.
     #[cfg_attr(feature = "schema", schema(minimum = 10, maximum = 20000, example = 2000))]
     pub samples: usize,
-    /// Whether maps keep the orientation that the faces of the meshes give. Without it nothing tells the sides of a symmetric shape apart.
+    /// Whether maps keep the orientation that the faces of the meshes give. Without it nothing tells the sides of a
+    /// symmetric shape apart.
     pub oriented: bool,
     /// Whether each pair is refined by itself at the end: nearer to the truth, and a little less consistent.
     pub polish: bool,
@@ -54,8 +56,8 @@ pub struct StoredShape {
     pub basis_bytes: u64,
 }
 
-/// Seconds that a unit of each count of [`CollectionCost`] takes: a comparison, a multiplication of products, one of first maps, one of the size of
-/// a dense eigenproblem.
+/// Seconds that a unit of each count of [`CollectionCost`] takes: a comparison, a multiplication of products, one of
+/// first maps, one of the size of a dense eigenproblem.
 const SECONDS: [f64; 4] = [1.9e-9, 1.8e-10, 3e-10, 3e-10];
 
 fn value(name: &'static str, reason: impl Into<String>) -> ParameterError {
@@ -86,7 +88,8 @@ impl MapCollectionParameters {
     /// The parameters for some shapes, with every default filled in.
     ///
     /// # Errors
-    /// [`ParameterError::Value`] where there are too few or too many shapes, or something is asked for that they do not have.
+    /// [`ParameterError::Value`] where there are too few or too many shapes, or something is asked for that they do not
+    /// have.
     pub fn fitted(&self, shapes: &[ShapeSize]) -> Result<Self, ParameterError> {
         let defaults = CollectionRequest::default();
         let fewest = shapes.iter().enumerate().min_by_key(|(_, shape)| shape.pairs);
@@ -131,10 +134,10 @@ impl MapCollectionParameters {
 
     /// An estimate of the memory that the job needs on so many threads, beside the server itself, in bytes.
     ///
-    /// Meshes and bases are there twice while they come from the store. Of every shape embeddings in single precision stay until the end; signatures
-    /// and oriented derivatives take most, but only of the shapes that are looked at at once. The latent basis is a dense eigenproblem of shapes
-    /// times pairs, held four times. Of every pair there are the maps, with those before, and twelve bytes a match beside the eight of the result and
-    /// those of its file.
+    /// Meshes and bases are there twice while they come from the store. Of every shape embeddings in single precision
+    /// stay until the end; signatures and oriented derivatives take most, but only of the shapes that are looked at at
+    /// once. The latent basis is a dense eigenproblem of shapes times pairs, held four times. Of every pair there are
+    /// the maps, with those before, and twelve bytes a match beside the eight of the result and those of its file.
     pub fn shapes_memory_bytes(&self, shapes: &[StoredShape], threads: usize) -> u64 {
         let request = self.request();
         let (n, k, start) = (shapes.len() as u64, request.pairs as u64, request.start as u64);
@@ -156,8 +159,8 @@ impl MapCollectionParameters {
         kept + working + maps + n.saturating_sub(1) * vertices * 28 + (64 << 20)
     }
 
-    /// About how many seconds of one core the job takes on some shapes, right to a factor of two or so. Fitted to six shapes of 5,000 vertices
-    /// (`SECONDS`).
+    /// About how many seconds of one core the job takes on some shapes, right to a factor of two or so. Fitted to six
+    /// shapes of 5,000 vertices (`SECONDS`).
     pub fn shapes_seconds(&self, shapes: &[ShapeSize]) -> f64 {
         let CollectionCost { compared, multiplied, first, cubes } = CollectionCost::new(shapes, &self.request());
         let [of_compared, of_multiplied, of_first, of_cubes] = SECONDS;
@@ -289,7 +292,8 @@ mod tests {
         assert!(read(json!({"oriented": false})).unwrap().fitted(&points).is_ok());
     }
 
-    /// Six shapes of 5,000 vertices took 18 processor seconds with their bases and with what errors are measured by (`docs/functional-maps.md`).
+    /// Six shapes of 5,000 vertices took 18 processor seconds with their bases and with what errors are measured by
+    /// (`docs/functional-maps.md`).
     #[test]
     fn seconds_grow_with_the_pairs_of_shapes_and_with_the_square_of_their_sizes() {
         let seconds = |shapes: usize, vertices: usize, parameters: Value| {

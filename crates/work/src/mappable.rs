@@ -1,4 +1,5 @@
-//! Which stored bases can be compared and mapped to each other: one check, whether a job asks or a request that is answered at once.
+//! Which stored bases can be compared and mapped to each other: one check, whether a job asks or a request that is
+//! answered at once.
 
 use serde_json::Value;
 
@@ -117,7 +118,8 @@ pub struct Unlike {
     pub spectra: [String; 2],
 }
 
-/// Checks that all bases are of surfaces, each of another one, and that their lowest pairs are of one operator and one condition at the boundary.
+/// Checks that all bases are of surfaces, each of another one, and that their lowest pairs are of one operator and one
+/// condition at the boundary.
 ///
 /// # Errors
 /// [`Unmappable`] names the first that does not fit.

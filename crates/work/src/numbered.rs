@@ -1,6 +1,7 @@
 //! Requests and answers in the numbering of a file, by way of the one [`Translation`].
 //!
-//! Requests are brought into the numbering of the kept mesh before anything else is done with them; answers are brought back last.
+//! Requests are brought into the numbering of the kept mesh before anything else is done with them; answers are brought
+//! back last.
 
 use crate::design::{DesignFault, DesignRequest, FacesRequest, FieldSource, FieldTable, FurRequest, PerFace, Target};
 use crate::distances::DistanceRequest;
@@ -72,8 +73,8 @@ impl Table {
     }
 }
 
-/// Brings the parameters of a job, as a client wrote them, into the numbering of the kept mesh: `clamped`, a potential, and weights and examples
-/// of faces. What is not of the form that the job expects is left to its parser.
+/// Brings the parameters of a job, as a client wrote them, into the numbering of the kept mesh: `clamped`, a potential,
+/// and weights and examples of faces. What is not of the form that the job expects is left to its parser.
 ///
 /// # Errors
 /// [`ParameterError::Value`] names the parameter and the vertex or face.
@@ -118,7 +119,8 @@ pub fn translate_parameters(parameters: &mut Packed, to: &Translation, mesh: Mes
     Ok(())
 }
 
-/// That tensors are in frames that the kept mesh has. A face that was turned over has another one, even where no number differs from the file's.
+/// That tensors are in frames that the kept mesh has. A face that was turned over has another one, even where no number
+/// differs from the file's.
 fn check_frames(parameters: &mut Packed, to: &Translation) -> Result<(), ParameterError> {
     let faces = to.turned_faces();
     match parameters.at_mut(&["operator", "weighted", "tensors"]) {
@@ -130,7 +132,8 @@ fn check_frames(parameters: &mut Packed, to: &Translation) -> Result<(), Paramet
     }
 }
 
-/// Weights of faces, which parts of a divided face inherit, and vertices that are held at zero. Tensors are in the frames of the faces of the file.
+/// Weights of faces, which parts of a divided face inherit, and vertices that are held at zero. Tensors are in the
+/// frames of the faces of the file.
 fn translate_parts(parts: &mut Packed, to: &Translation, mesh: MeshSize) -> Result<(), ParameterError> {
     let refused =
         |name: &'static str| move |error: NumberingError| ParameterError::Value { name, reason: error.to_string() };
@@ -365,7 +368,8 @@ mod tests {
         let tensors = weighted(json!({"tensors": numbers}));
         let refused = translate_parameters(&mut tensors.clone(), &to, mesh).unwrap_err().to_string();
         assert!(refused.contains("operator.weighted.tensors") && refused.contains("(1 in all)"), "{refused}");
-        // What is not in frames is as good as before, and so are tensors in the numbering of the kept mesh, or where no face was turned over.
+        // What is not in frames is as good as before, and so are tensors in the numbering of the kept mesh, or where no
+        // face was turned over.
         translate_parameters(&mut weighted(json!({"scalars": [1.0, 2.0, 3.0, 4.0], "fixed": [0]})), &to, mesh).unwrap();
         for other in [Translation::default().turning(turned), to.clone().turning(0)] {
             translate_parameters(&mut tensors.clone(), &other, mesh).unwrap();

@@ -20,8 +20,8 @@ pub const LARGEST_DIMENSION: usize = 4000;
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct OperatorFamilyParameters {
-    /// The most functions of the subspace, 10 to 4000. An equal share of them are eigenfunctions of each anchor; spectra are accurate up to about
-    /// three quarters of that many pairs.
+    /// The most functions of the subspace, 10 to 4000. An equal share of them are eigenfunctions of each anchor;
+    /// spectra are accurate up to about three quarters of that many pairs.
     #[cfg_attr(feature = "schema", schema(minimum = 10, maximum = 4000, example = 780))]
     pub dimension: usize,
     /// Seeds everything that is drawn at random.
@@ -71,7 +71,8 @@ impl Work for OperatorFamilyParameters {
         let (n, most) = (mesh.vertices as u64, (self.dimension as u64 * 3 / 2).min(mesh.vertices as u64));
         let d = if n < 3 * self.dimension as u64 / 2 { most } else { self.dimension as u64 };
         let (stacked, pairs) = (d * 11 / 10 + 32, d / ANCHORS.len() as u64 + 64);
-        // Mesh and operators; the columns of all anchors beside those of one solve with its factors, or their selection; dense matrices.
+        // Mesh and operators; the columns of all anchors beside those of one solve with its factors, or their
+        // selection; dense matrices.
         let solve = 24 * n * pairs + 16 * 60 * n * (n.max(2).ilog2() as u64);
         let columns = 8 * n * stacked + solve.max(8 * n * stacked).max(4 * n * d);
         24 * n + 12 * mesh.faces as u64 + 700 * n + columns + 56 * d * d + hsim::repair_bytes(n) + (64 << 20)

@@ -8,7 +8,8 @@ use serde_json::json;
 
 use crate::{EigenbasisParameters, JobError};
 
-/// By how much positions may differ that went through a file, next to the largest coordinate: single precision, or six digits of a text.
+/// By how much positions may differ that went through a file, next to the largest coordinate: single precision, or six
+/// digits of a text.
 const ROUNDED: f64 = 4e-6;
 
 /// Why a basis is none of a mesh.
@@ -51,8 +52,9 @@ pub enum StrangeMesh {
     Operator(JobError),
 }
 
-/// Checks that a basis lives on this mesh, or on the solid whose surface it is, by the mass of every vertex. Positions may be rounded as files round
-/// them, and moved or turned as a whole. A basis that does not say which Laplacian it is of passes.
+/// Checks that a basis lives on this mesh, or on the solid whose surface it is, by the mass of every vertex. Positions
+/// may be rounded as files round them, and moved or turned as a whole. A basis that does not say which Laplacian it is
+/// of passes.
 ///
 /// Meshes whose vertices all have one mass are alike by it, however they are numbered.
 ///
@@ -80,7 +82,8 @@ pub fn check_own_mesh(
     let room = room(mesh, solid);
     let differs = |v: &usize| !((found[*v] - expected[*v]).abs() <= room[*v] + ROUNDED * expected[*v].abs());
     let Some(first) = (0..vertices).find(differs) else { return Ok(()) };
-    // An intrinsic triangulation, or one of points, may turn edges over where positions are rounded, and has other masses around these alone.
+    // An intrinsic triangulation, or one of points, may turn edges over where positions are rounded, and has other
+    // masses around these alone.
     let rounded = basis.metadata["operator"]["laplacian"] == "robust" || mesh.faces.is_empty();
     let most: f64 = (0..vertices).filter(differs).map(|v| expected[v].abs()).sum();
     if rounded && most < 0.5 * expected.iter().map(|mass| mass.abs()).sum::<f64>() {
@@ -104,8 +107,8 @@ fn laplacian_of(basis: &Basis) -> Option<EigenbasisParameters> {
     EigenbasisParameters::parse(&given).ok()
 }
 
-/// By how much rounded positions change the mass of each vertex: for each of its triangles by an edge times what a coordinate may be off, for each of
-/// its tetrahedra by the square of an edge times that.
+/// By how much rounded positions change the mass of each vertex: for each of its triangles by an edge times what a
+/// coordinate may be off, for each of its tetrahedra by the square of an edge times that.
 fn room(mesh: &TriangleMesh, solid: Option<&TetMesh>) -> Vec<f64> {
     let positions = solid.map_or(&mesh.positions, |solid| &solid.positions);
     let off = ROUNDED * positions.iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));

@@ -2,7 +2,8 @@
 //!
 //! Types read it as they read JSON, with one exception: no list is read as whole numbers and others side by side.
 //!
-//! A number takes 8 bytes here where [`serde_json::Value`] takes 32, so 8 kB of gzip that unfold to four million zeros take 32 MB and no more.
+//! A number takes 8 bytes here where [`serde_json::Value`] takes 32, so 8 kB of gzip that unfold to four million zeros
+//! take 32 MB and no more.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -80,8 +81,8 @@ impl Packed {
         }
     }
 
-    /// A list with one more item, packed if it can be. A list that has a number which is not whole is one of reals: whoever reads whole numbers
-    /// refuses it anyway.
+    /// A list with one more item, packed if it can be. A list that has a number which is not whole is one of reals:
+    /// whoever reads whole numbers refuses it anyway.
     fn push(self, item: Self) -> Self {
         match (self, item) {
             (Self::List(list), Self::Number(number)) if list.is_empty() => match number.as_u64() {

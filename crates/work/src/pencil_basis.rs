@@ -34,11 +34,13 @@ pub struct PencilBasisParameters {
     #[cfg_attr(feature = "schema", schema(example = 0.5))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub below: Option<f64>,
-    /// `[from, to]`: all pairs of an interval, `from` included and `to` not, instead of a count. All below `to` are computed.
+    /// `[from, to]`: all pairs of an interval, `from` included and `to` not, instead of a count. All below `to` are
+    /// computed.
     #[cfg_attr(feature = "schema", schema(min_items = 2, max_items = 2, example = json!([-0.1, 0.1])))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub between: Option<[f64; 2]>,
-    /// With a count: not the lowest pairs, but those whose eigenvalues are nearest to this number. All below it are computed as well.
+    /// With a count: not the lowest pairs, but those whose eigenvalues are nearest to this number. All below it are
+    /// computed as well.
     #[cfg_attr(feature = "schema", schema(example = 1.5))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub around: Option<f64>,
@@ -46,16 +48,17 @@ pub struct PencilBasisParameters {
     #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 20000, example = 400))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub at_most: Option<usize>,
-    /// Rows whose entries are zero in every vector (Dirichlet), from 0, up to a million: they and their columns are left out. In ascending order,
-    /// each once, in answers.
+    /// Rows whose entries are zero in every vector (Dirichlet), from 0, up to a million: they and their columns are
+    /// left out. In ascending order, each once, in answers.
     #[cfg_attr(feature = "schema", schema(example = json!([0, 1, 2])))]
     pub fixed: Vec<u32>,
-    /// The largest residual ‖Sx − λMx‖ / ‖(S + cM)x‖ of a pair, 1e-8 unless it is given; eigenvalues are as exact as its square.
+    /// The largest residual ‖Sx − λMx‖ / ‖(S + cM)x‖ of a pair, 1e-8 unless it is given; eigenvalues are as exact as
+    /// its square.
     #[cfg_attr(feature = "schema", schema(minimum = 1e-10, maximum = 0.5, example = 1e-6))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tolerance: Option<f64>,
-    /// The type of the numbers of vectors; `f64`, unless it is given. In `f32`, residuals are those of what is stored, which the tolerance need not
-    /// hold.
+    /// The type of the numbers of vectors; `f64`, unless it is given. In `f32`, residuals are those of what is stored,
+    /// which the tolerance need not hold.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub precision: Option<Precision>,
     /// Seeds everything that is drawn at random.
@@ -89,7 +92,8 @@ impl ProblemSize {
         }
     }
 
-    /// Entries of a factor, as they were counted or, where they were not, those of a solid, and no fewer than the matrix has.
+    /// Entries of a factor, as they were counted or, where they were not, those of a solid, and no fewer than the
+    /// matrix has.
     fn factor(self) -> u64 {
         let of_solid = || (40.0 * (self.rows.max(2) as f64).powf(4.0 / 3.0)) as u64;
         self.factor_entries.unwrap_or_else(|| of_solid().max(self.entries as u64))
@@ -100,8 +104,8 @@ impl ProblemSize {
         12 * (self.entries as u64 + self.mass_entries as u64) + 16 * self.rows as u64
     }
 
-    /// The memory that judging `count` vectors takes, in bytes: the vectors, once more where rows are fixed, some of their products, the matrices,
-    /// with and without the multiple of the mass, and a factor.
+    /// The memory that judging `count` vectors takes, in bytes: the vectors, once more where rows are fixed, some of
+    /// their products, the matrices, with and without the multiple of the mass, and a factor.
     pub fn judging_bytes(self, count: usize) -> u64 {
         let (n, m) = (self.rows as u64, count as u64);
         16 * n * m + 16 * n * m.min(64) + 6 * self.matrices() + 12 * self.factor()
@@ -229,10 +233,11 @@ impl PencilBasisParameters {
 
     /// An estimate of the memory that the job needs beside the server itself, in bytes.
     ///
-    /// The matrices are held four times, as they are kept, ordered and moved, with one index for each entry. Two factors are held at once, of the
-    /// entries that were counted when the problem came, ten bytes each; where they were not, those of a solid. Of the `q` columns that are iterated
-    /// on, the start holds three halves, and three copies were measured; the result is there twice while it is turned. What the iteration did not
-    /// settle is solved densely where that is small.
+    /// The matrices are held four times, as they are kept, ordered and moved, with one index for each entry. Two
+    /// factors are held at once, of the entries that were counted when the problem came, ten bytes each; where they
+    /// were not, those of a solid. Of the `q` columns that are iterated on, the start holds three halves, and three
+    /// copies were measured; the result is there twice while it is turned. What the iteration did not settle is solved
+    /// densely where that is small.
     pub fn problem_memory_bytes(&self, size: ProblemSize) -> u64 {
         let n = size.rows.max(2) as u64;
         let p = (self.most_pairs() as u64).min(n);

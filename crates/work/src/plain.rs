@@ -9,7 +9,8 @@ use crate::packed::Packed;
 /// Reads a value.
 ///
 /// # Errors
-/// Which member does not fit, what it must be and what it is: `count must be a whole number of at least 0, got the string "many"`.
+/// Which member does not fit, what it must be and what it is:
+/// `count must be a whole number of at least 0, got the string "many"`.
 pub fn read<'de, T: Deserialize<'de>>(from: &'de Packed) -> Result<T, String> {
     serde_path_to_error::deserialize(from).map_err(|error| told_within(from, error.path(), &error.inner().to_string()))
 }
@@ -22,8 +23,8 @@ pub fn read_json<T: DeserializeOwned>(from: &Value) -> Result<T, String> {
     read(&Packed::from(from))
 }
 
-/// An error of serde at a path into a value, in plain words. Where a type has to look at members before it knows what it is, as with a `kind`, serde forgets which member
-/// did not fit; it is the one that has what was found.
+/// An error of serde at a path into a value, in plain words. Where a type has to look at members before it knows what
+/// it is, as with a `kind`, serde forgets which member did not fit; it is the one that has what was found.
 pub fn told_within(value: &Packed, path: &Path, said: &str) -> String {
     let named = path.to_string();
     let Some(found) = mismatch(said) else { return told(&named, said) };

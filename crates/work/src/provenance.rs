@@ -1,4 +1,5 @@
-//! What a stored product says of how it came about, as a type: who needs a fact of it gets the fact or an error, never a default.
+//! What a stored product says of how it came about, as a type: who needs a fact of it gets the fact or an error, never
+//! a default.
 
 use chladni_spectral::operator::hodge::FieldBoundary;
 use chladni_spectral::operator::transport::FieldKind;

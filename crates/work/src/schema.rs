@@ -1,7 +1,7 @@
 //! The parameters of every kind of job as schemas of OpenAPI, made of the types that read them.
 //!
-//! Where parameters go by a method there is one object for each method, with those members alone that it takes: what belongs to whom is read from the
-//! table by which the parser refuses the others.
+//! Where parameters go by a method there is one object for each method, with those members alone that it takes: what
+//! belongs to whom is read from the table by which the parser refuses the others.
 
 use utoipa::openapi::schema::{ObjectBuilder, OneOfBuilder, Schema, Type};
 use utoipa::openapi::{Ref, RefOr};

@@ -174,7 +174,8 @@ pub struct SimulateAnswer {
     pub positions: Option<Vec<Vec<f64>>>,
     /// At each time the velocities of these.
     pub velocities: Option<Vec<Vec<f64>>>,
-    /// The state at the last of the times: as `initial` of a further request, whose time 0 that is, it lets the motion go on.
+    /// The state at the last of the times: as `initial` of a further request, whose time 0 that is, it lets the motion
+    /// go on.
     pub state: Option<ModalState>,
     /// Which share of initial displacements and velocities, the larger of the two, no mode holds.
     pub left_out: f64,

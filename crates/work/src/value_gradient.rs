@@ -35,13 +35,14 @@ pub enum GradientFault {
     Operator(#[from] JobError),
 }
 
-/// The bytes that a gradient takes beside the basis: functions vertex after vertex, and what each element gives its corners.
+/// The bytes that a gradient takes beside the basis: functions vertex after vertex, and what each element gives its
+/// corners.
 pub fn gradient_bytes(mesh: MeshSize) -> u64 {
     8 * (32 * mesh.vertices.max(mesh.solid_vertices) + 9 * mesh.faces + 12 * mesh.tetrahedra) as u64
 }
 
-/// The gradient of `Σ_k weights_k λ_k` by the positions of the vertices, `n × 3`, in the numbering of `to`: `∂L/∂p` of a loss with
-/// `weights_k = ∂L/∂λ_k`. Values beyond the weights do not count.
+/// The gradient of `Σ_k weights_k λ_k` by the positions of the vertices, `n × 3`, in the numbering of `to`: `∂L/∂p` of
+/// a loss with `weights_k = ∂L/∂λ_k`. Values beyond the weights do not count.
 ///
 /// # Errors
 /// [`GradientFault`].
@@ -63,8 +64,9 @@ pub fn gradient(
     Ok(translated(&gradient, to))
 }
 
-/// The gradient of a loss by the positions of the vertices, `n × 3`, in the numbering of `to`: `weights` are its derivatives by the eigenvalues, from
-/// the first on, and `functions`, in the same numbering, those by the values of the first eigenfunctions, a column for each.
+/// The gradient of a loss by the positions of the vertices, `n × 3`, in the numbering of `to`: `weights` are its
+/// derivatives by the eigenvalues, from the first on, and `functions`, in the same numbering, those by the values of
+/// the first eigenfunctions, a column for each.
 ///
 /// # Errors
 /// [`GradientFault`].

@@ -27,8 +27,8 @@ pub enum JudgeError {
     Verify(#[from] VerifyError),
 }
 
-/// The problem that a basis is said to solve: operator, mass and boundary condition of the job that made it; `operator` takes the place of that of
-/// the basis, which does not carry a potential that came with the job.
+/// The problem that a basis is said to solve: operator, mass and boundary condition of the job that made it; `operator`
+/// takes the place of that of the basis, which does not carry a potential that came with the job.
 ///
 /// # Errors
 /// [`ParameterError::Value`] where no operator is named.
@@ -54,7 +54,8 @@ pub fn problem_of(basis: &Basis, operator: Option<Value>) -> Result<EigenbasisPa
 /// What the modes of a vibration are said to be of: object, material and held vertices of the job that made them.
 ///
 /// # Errors
-/// [`ParameterError`] where they do not say it in full, as where more vertices are held than a file lists; `clamped` takes their place.
+/// [`ParameterError`] where they do not say it in full, as where more vertices are held than a file lists; `clamped`
+/// takes their place.
 pub fn vibration_of(modes: &ModalBasis, clamped: Option<Vec<u32>>) -> Result<VibrationBasisParameters, ParameterError> {
     let mut parameters = modes.metadata["parameters"].clone();
     if let Some(clamped) = clamped.filter(|_| parameters.is_object()) {
@@ -63,8 +64,8 @@ pub fn vibration_of(modes: &ModalBasis, clamped: Option<Vec<u32>>) -> Result<Vib
     VibrationBasisParameters::parse(&parameters)
 }
 
-/// Assembles the operator of `parameters` on the mesh, or on the solid whose surface it is, and judges the basis by it. Stages: those of the
-/// operator, then `residuals`, `orthonormality`, `count`.
+/// Assembles the operator of `parameters` on the mesh, or on the solid whose surface it is, and judges the basis by it.
+/// Stages: those of the operator, then `residuals`, `orthonormality`, `count`.
 ///
 /// # Errors
 /// [`JudgeError`]; whatever is wrong with the basis is a finding.
@@ -88,8 +89,8 @@ pub fn judge(
     Ok(verify(basis, &operator, monitor)?)
 }
 
-/// Assembles the object of `parameters` on the mesh, or on the solid whose surface it is, and judges the modes by it. Stages: `operator`,
-/// `residuals`, `orthonormality`, `count`.
+/// Assembles the object of `parameters` on the mesh, or on the solid whose surface it is, and judges the modes by it.
+/// Stages: `operator`, `residuals`, `orthonormality`, `count`.
 ///
 /// # Errors
 /// [`JudgeError`]; whatever is wrong with the modes is a finding.
@@ -106,8 +107,8 @@ pub fn judge_modes(
     Ok(verify_modes(modes, elastic, monitor)?)
 }
 
-/// The memory that judging `count` functions of `rows` numbers takes, in bytes: the functions, once more where a boundary is held, some of their
-/// products, the operator and a factor, which fills in more in a solid.
+/// The memory that judging `count` functions of `rows` numbers takes, in bytes: the functions, once more where a
+/// boundary is held, some of their products, the operator and a factor, which fills in more in a solid.
 ///
 /// Without `faces` they are functions on points, whose triangles are made.
 pub fn judging_bytes(rows: usize, faces: usize, count: usize, parameters: &EigenbasisParameters) -> u64 {
@@ -167,7 +168,8 @@ impl<'a> From<&'a Basis> for Pairs<'a> {
     }
 }
 
-/// What was judged and what was found, to be cited. `hashes` name the basis and the mesh, and `hash` says what they are.
+/// What was judged and what was found, to be cited. `hashes` name the basis and the mesh, and `hash` says what they
+/// are.
 pub fn receipt(
     basis: &Basis,
     parameters: &EigenbasisParameters,
@@ -225,8 +227,8 @@ fn receipt_of(
     })
 }
 
-/// Judges a basis of a problem by its matrices. Residuals are relative to `‖(S + cM) x‖`, with the `moved` of its metadata for `c`; rows of `fixed`
-/// have to be zero.
+/// Judges a basis of a problem by its matrices. Residuals are relative to `‖(S + cM) x‖`, with the `moved` of its
+/// metadata for `c`; rows of `fixed` have to be zero.
 ///
 /// # Errors
 /// [`JudgeError`]; whatever is wrong with the basis is a finding.
@@ -304,7 +306,8 @@ mod tests {
 
     #[test]
     fn what_is_stored_keeps_the_tolerance_or_says_which_one() {
-        // Two vertices almost at one place: across weights of 1e5 single precision has little left for the lowest pairs.
+        // Two vertices almost at one place: across weights of 1e5 single precision has little left for the lowest
+        // pairs.
         let mut mesh = generate(Shape::Sphere, 2_000).unwrap();
         let [a, b, _] = mesh.faces[0].map(|vertex| vertex as usize);
         mesh.positions[a] =
@@ -348,7 +351,8 @@ mod tests {
         // A torus has two harmonic fields, a disk has none.
         for (shape, harmonic) in [(Shape::Torus, 2), (Shape::Disk, 0)] {
             let mesh = generate(shape, 400).unwrap();
-            // In single precision as well, of which the certificate says what it keeps; and where values are not those of the fields to rounding.
+            // In single precision as well, of which the certificate says what it keeps; and where values are not those
+            // of the fields to rounding.
             for (tolerance, precision) in [(1e-6, "f32"), (1e-2, "f64")] {
                 let parameters = json!({"operator": "hodge", "method": "hsim", "count": 24, "tolerance": tolerance, "precision": precision});
                 let parameters = EigenbasisParameters::parse(&parameters).unwrap();

@@ -52,7 +52,8 @@ pub struct VibrationBasisParameters {
     #[cfg_attr(feature = "schema", schema(max_items = 500000, example = json!([0, 1, 2])))]
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub clamped: Vec<u32>,
-    /// Whether a shell is held from turning about edges whose two ends are held: a clamp. Else it turns there without a moment: a hinge.
+    /// Whether a shell is held from turning about edges whose two ends are held: a clamp. Else it turns there without a
+    /// moment: a hinge.
     #[cfg_attr(feature = "schema", schema(default = false, example = true))]
     #[serde(default, skip_serializing_if = "is_false")]
     pub clamped_rotations: bool,
@@ -67,8 +68,8 @@ pub struct VibrationBasisParameters {
     #[cfg_attr(feature = "schema", schema(example = true))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub local_coordinates: Option<bool>,
-    /// Inverse iterations on the mesh that refine the modes of `approximate`, 0 to 4; with any they are kept as columns. Without it as many as bring
-    /// the estimated error of every frequency to 1 %.
+    /// Inverse iterations on the mesh that refine the modes of `approximate`, 0 to 4; with any they are kept as
+    /// columns. Without it as many as bring the estimated error of every frequency to 1 %.
     #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 4, example = 2))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inverse_iterations: Option<usize>,
@@ -135,7 +136,8 @@ impl VibrationBasisParameters {
     /// Reads and checks parameters; `null` stands for all defaults.
     ///
     /// # Errors
-    /// [`ParameterError`] names what does not fit: an unknown member, one out of its range, one that belongs to another method.
+    /// [`ParameterError`] names what does not fit: an unknown member, one out of its range, one that belongs to another
+    /// method.
     pub fn parse(parameters: &Value) -> Result<Self, ParameterError> {
         Self::read(&Packed::from(parameters))
     }
@@ -301,9 +303,11 @@ impl Work for VibrationBasisParameters {
         let input = 24 * n + 12 * mesh.faces as u64 + 16 * mesh.tetrahedra as u64;
         // Blocks of nine numbers, assembled once and kept as single numbers once.
         let operator = n * self.blocks() * 9 * (8 + 12);
-        // While a shell is assembled, each face has what twelve vertices do to its curvature, and the rows of its vertices are there twice.
+        // While a shell is assembled, each face has what twelve vertices do to its curvature, and the rows of its
+        // vertices are there twice.
         let assembly = if self.thickness.is_some() { 12_000 } else { 400 } * mesh.faces as u64;
-        // The problem once more, a factor, and the Krylov space with the blocks that are worked on. What comes after holds half as many columns twice.
+        // The problem once more, a factor, and the Krylov space with the blocks that are worked on. What comes after
+        // holds half as many columns twice.
         let unknowns = 3 * n;
         let space = |columns: u64| {
             let problem = n * self.blocks() * 9 * 12 + hsim::repair_bytes(unknowns);
@@ -317,8 +321,8 @@ impl Work for VibrationBasisParameters {
                 // The space, threefold, and its products; four dense matrices.
                 let refined = match self.inverse_iterations {
                     Some(0) => 0,
-                    // The problem once more, a factor, and the columns: they are refined where they stand, a panel at a time on each thread, and are stored when
-                    // those beyond the wanted ones are gone.
+                    // The problem once more, a factor, and the columns: they are refined where they stand, a panel at a
+                    // time on each thread, and are stored when those beyond the wanted ones are gone.
                     _ => operator + self.factor_bytes(n) + 8 * 3 * n * (m + m / 2 + 48 + 64 * threads()),
                 };
                 // A Krylov space that may stand in for the modes, beside them where they are few.
@@ -333,14 +337,16 @@ impl Work for VibrationBasisParameters {
             }
             VibrationMethodName::Hsim => {
                 let tolerance = self.tolerance.unwrap_or(TOLERANCE);
-                // The problem twice more, two factors, three blocks of columns with guards, dense problems of the start.
+                // The problem twice more, two factors, three blocks of columns with guards, dense problems of the
+                // start.
                 let iteration = 2 * operator
                     + 16 * self.fill(n)
                     + 28 * unknowns * m
                     + 24 * 64 * unknowns
                     + hsim::repair_bytes(unknowns)
                     + (96 << 20);
-                // An iteration is promised beside the space only where that is not much: a space that fails is rare, and ends there if there is no room.
+                // An iteration is promised beside the space only where that is not much: a space that fails is rare,
+                // and ends there if there is no room.
                 krylov(tolerance).map_or(iteration, |space| space.max(iteration.min(LITTLE)))
             }
         };
@@ -422,7 +428,8 @@ mod tests {
         }
     }
 
-    /// One case, `{"file": "camelhead.off", "parameters": {…}}`, in `CHLADNI_CASE`: the estimate, and the peak of the resident memory.
+    /// One case, `{"file": "camelhead.off", "parameters": {…}}`, in `CHLADNI_CASE`: the estimate, and the peak of the
+    /// resident memory.
     #[test]
     #[ignore = "measures; run it alone: cargo test --release --lib -- --ignored --nocapture memory_of_a_vibration"]
     fn memory_of_a_vibration_job() {

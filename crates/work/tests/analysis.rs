@@ -85,7 +85,8 @@ fn poses_cluster_remeshings_agree_and_approximate_spectra_do_as_exact_ones() {
     }
 }
 
-/// Three meshes of one figure have one spectrum once their faces are small enough for it: as they are, they differ by 2 %.
+/// Three meshes of one figure have one spectrum once their faces are small enough for it: as they are, they differ by 2
+/// %.
 #[test]
 fn the_first_hundred_eigenvalues_of_remeshings_agree_within_one_percent_after_faces_are_divided() {
     let Some(folder) = folder() else { return };

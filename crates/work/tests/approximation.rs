@@ -1,4 +1,5 @@
-//! The fast approximation against what is known: analytic spectra, identities, references on real meshes, hostile meshes.
+//! The fast approximation against what is known: analytic spectra, identities, references on real meshes, hostile
+//! meshes.
 
 #[path = "../../spectral/tests/references/mod.rs"]
 mod references;
@@ -45,7 +46,8 @@ fn the_sphere_has_its_eigenvalues_with_their_multiplicities() {
     let mesh = generate(Shape::Sphere, 10_000).unwrap();
     let exact: Vec<f64> =
         (0..10).flat_map(|l: u32| std::iter::repeat_n(f64::from(l * (l + 1)), 2 * l as usize + 1)).collect();
-    // The consistent mass overestimates by about one per cent more at this resolution; lumped ones err to the other side.
+    // The consistent mass overestimates by about one per cent more at this resolution; lumped ones err to the other
+    // side.
     for (mass, discretisation) in [("barycentric", 0.0), ("voronoi", 0.0), ("consistent", 1.0)] {
         for (construction, bound) in [("heat", 1.0 + discretisation), ("radial", 4.0 + discretisation)] {
             let basis = solve(&mesh, &json!({"count": 100, "mass": mass, "construction": construction}));
@@ -258,7 +260,8 @@ fn heat_is_within_its_promised_error_on_real_meshes() {
 #[test]
 fn radial_is_no_worse_than_the_authors_code_where_distances_are_exact() {
     let Some(folder) = meshes() else { return };
-    // Mean and largest error of the authors' code: 1.2 and 2.1 % on igea, d = 1080; 3.5 and 8.6 % on armadillo, d = 1007.
+    // Mean and largest error of the authors' code: 1.2 and 2.1 % on igea, d = 1080; 3.5 and 8.6 % on armadillo,
+    // d = 1007.
     let best = json!({"sampling": "well_spread", "distance": "fast_marching", "sigma": 12.0});
     let promised = [("igea.ply", 1080, 1.2, 2.1), ("armadillo.obj", 1007, 3.5, 8.6)];
     for (name, dimension, mean_bound, largest_bound) in promised {
@@ -270,8 +273,8 @@ fn radial_is_no_worse_than_the_authors_code_where_distances_are_exact() {
 #[test]
 fn every_distance_and_profile_keeps_its_measured_error() {
     let Some(folder) = meshes() else { return };
-    // Poisson disks and σ = 10, as in the thesis. Edge paths are 4 to 8 % longer than geodesics, differently in each direction;
-    // the linear profile has kinks and the Gaussian one a jump.
+    // Poisson disks and σ = 10, as in the thesis. Edge paths are 4 to 8 % longer than geodesics, differently in each
+    // direction; the linear profile has kinks and the Gaussian one a jump.
     for (variant, igea, armadillo) in [
         (json!({}), Some(2.1), 4.8),
         (json!({"distance": "fast_marching"}), Some(2.1), 2.8),
@@ -316,7 +319,8 @@ fn no_real_mesh_makes_a_construction_fail() {
     assert!(paths.len() > 20);
     for path in paths {
         let mesh = load(&path);
-        // Large meshes are enough of a trial in two spaces: what is hard about many columns is that each has few vertices.
+        // Large meshes are enough of a trial in two spaces: what is hard about many columns is that each has few
+        // vertices.
         let spaces = [("heat", 300), ("radial", 300), ("heat", 1_200)];
         for &(construction, dimension) in &spaces[..if mesh.positions.len() > 60_000 { 2 } else { 3 }] {
             let count = 100.min(mesh.positions.len());
@@ -335,7 +339,8 @@ fn no_real_mesh_makes_a_construction_fail() {
 fn other_operators_keep_their_measured_errors_on_real_meshes() {
     let Some(folder) = meshes() else { return };
     let curvature = |t: f64| json!({"hamiltonian": {"potential": {"curvature": {"t": t}}}});
-    // Bounds on mean and largest error in percent. A potential of high curvature bends eigenfunctions within a column's width.
+    // Bounds on mean and largest error in percent. A potential of high curvature bends eigenfunctions within a column's
+    // width.
     for (name, operator, boundary, file, mean_bound, largest_bound) in [
         ("bunny.obj", json!("auto"), "dirichlet", "bunny.obj.dirichlet", 0.35, 0.9),
         ("face.obj", json!("auto"), "dirichlet", "face.obj.dirichlet", 0.35, 0.9),

@@ -42,7 +42,8 @@ fn folder() -> Option<PathBuf> {
     folder
 }
 
-/// Mean errors of all maps, by source and target, in per cent of the root of the area: distances along edges, at every fortieth true pair.
+/// Mean errors of all maps, by source and target, in per cent of the root of the area: distances along edges, at every
+/// fortieth true pair.
 fn errors(poses: &[Pose], found: &MapCollection) -> Vec<f64> {
     let mut sums = vec![(0.0, 0usize); found.maps.len()];
     for (source, pose) in poses.iter().enumerate() {

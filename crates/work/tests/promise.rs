@@ -1,4 +1,5 @@
-//! What a job needs is counted where an estimate by size cannot know it, and the job ends there instead of taking what it was not promised.
+//! What a job needs is counted where an estimate by size cannot know it, and the job ends there instead of taking what
+//! it was not promised.
 
 use chladni_base::{Cancelled, Monitor, SplitMix64};
 use chladni_mesh::TriangleMesh;

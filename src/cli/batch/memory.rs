@@ -1,4 +1,5 @@
-//! Memory that is promised to meshes before they begin: those that would not fit beside the others wait, one alone that never fits is refused.
+//! Memory that is promised to meshes before they begin: those that would not fit beside the others wait, one alone that
+//! never fits is refused.
 
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 

@@ -33,12 +33,13 @@ use super::{CliError, MeshInput, NumberingArguments, seconds};
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct BatchArguments {
-    /// Folder with mesh files, of any format that is read but NPZ and JSON, as they are or compressed by gzip; folders in it are left alone
+    /// Folder with mesh files, of any format that is read but NPZ and JSON, as they are or compressed by gzip; folders
+    /// in it are left alone
     #[arg(value_name = "FOLDER")]
     folder: PathBuf,
 
-    /// What is computed: operators (frames, mass, Laplacian, eigenpairs and gradients, as a cache of DiffusionNet), or a kind of job: eigenbasis,
-    /// field_basis, operator_family, vibration_basis
+    /// What is computed: operators (frames, mass, Laplacian, eigenpairs and gradients, as a cache of DiffusionNet), or
+    /// a kind of job: eigenbasis, field_basis, operator_family, vibration_basis
     #[arg(long, value_name = "KIND", value_parser = kind)]
     kind: String,
 

@@ -1,5 +1,5 @@
-//! The operators of a mesh as a file of DiffusionNet's cache: what `chladni.operators(…).save_cache(…)` of the Python package writes for the same
-//! positions.
+//! The operators of a mesh as a file of DiffusionNet's cache: what `chladni.operators(…).save_cache(…)` of the Python
+//! package writes for the same positions.
 
 use std::fs::File;
 use std::io::BufReader;

@@ -1,4 +1,5 @@
-//! Results of other settings in the same folder would pass for results of these: the settings stand beside them, in a file.
+//! Results of other settings in the same folder would pass for results of these: the settings stand beside them, in a
+//! file.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -14,7 +15,8 @@ pub fn file(folder: &Path) -> PathBuf {
     folder.join("batch.json")
 }
 
-/// Writes the settings where there are none, or others that are to be replaced: results older than the file are not of these.
+/// Writes the settings where there are none, or others that are to be replaced: results older than the file are not of
+/// these.
 ///
 /// # Errors
 /// [`CliError::Usage`] names the settings that differ from those of the folder, unless they are replaced.

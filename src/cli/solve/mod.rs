@@ -33,7 +33,8 @@ pub struct SolveArguments {
     #[arg(long, value_name = "VALUE", help_heading = "Problem", allow_hyphen_values = true, value_parser = finite)]
     below: Option<f64>,
 
-    /// All eigenpairs from the first to below the second of two values, in 1/length² of the mesh; all below the second are computed (hsim)
+    /// All eigenpairs from the first to below the second of two values, in 1/length² of the mesh; all below the second
+    /// are computed (hsim)
     #[arg(
         long, value_name = "FROM,TO", help_heading = "Problem", allow_hyphen_values = true, value_parser = interval,
         conflicts_with_all = ["count", "below"]
@@ -44,8 +45,9 @@ pub struct SolveArguments {
     #[arg(long, value_name = "M", help_heading = "Problem")]
     at_most: Option<usize>,
 
-    /// Operator: auto, laplace, polygon, robust; hodge, of tangential fields (hsim); volume, on the tetrahedra of a solid; graph, of the edges alone;
-    /// extrinsic:T with T from 0 to 1; hamiltonian:T with the potential T (κ1² + κ2²), or hamiltonian:@FILE with one number for each vertex
+    /// Operator: auto, laplace, polygon, robust; hodge, of tangential fields (hsim); volume, on the tetrahedra of a
+    /// solid; graph, of the edges alone; extrinsic:T with T from 0 to 1; hamiltonian:T with the potential T (κ1² +
+    /// κ2²), or hamiltonian:@FILE with one number for each vertex
     #[arg(long, value_name = "OPERATOR", help_heading = "Problem")]
     operator: Option<String>,
 
@@ -57,8 +59,9 @@ pub struct SolveArguments {
     #[arg(long, value_name = "KIND", help_heading = "Problem", value_parser = ["barycentric", "voronoi", "consistent"])]
     mass: Option<String>,
 
-    /// How eigenpairs are computed: approximate is fast on large meshes and says how far it is off; hsim goes to any tolerance and proves
-    /// that none is missing; sim is a baseline; auto takes hsim where that needs about a second, and approximate elsewhere
+    /// How eigenpairs are computed: approximate is fast on large meshes and says how far it is off; hsim goes to any
+    /// tolerance and proves that none is missing; sim is a baseline; auto takes hsim where that needs about a second,
+    /// and approximate elsewhere
     #[arg(long, value_name = "METHOD", help_heading = "Method", value_parser = ["auto", "approximate", "hsim", "sim"], default_value = "auto")]
     method: String,
 
@@ -82,7 +85,8 @@ pub struct SolveArguments {
     #[arg(long, value_name = "NAME", help_heading = "Method", value_parser = ["heat", "radial"])]
     construction: Option<String>,
 
-    /// How accurate eigenvalues are to be (approximate): no error above 1 % or .3 %, as estimated; any other goal by -p accuracy.goal=0.005
+    /// How accurate eigenvalues are to be (approximate): no error above 1 % or .3 %, as estimated; any other goal by -p
+    /// accuracy.goal=0.005
     #[arg(long, value_name = "LEVEL", help_heading = "Method", value_parser = ["standard", "accurate"])]
     accuracy: Option<String>,
 
@@ -98,8 +102,8 @@ pub struct SolveArguments {
     #[arg(long, value_name = "KIND", help_heading = "Output", value_parser = ["dense", "compact"])]
     storage: Option<String>,
 
-    /// Solve only part K of N, as on one of N machines, and write it to --output; chladni join makes one basis of all parts. Parts are of the spectrum
-    /// (hsim) or of the surface (approximate)
+    /// Solve only part K of N, as on one of N machines, and write it to --output; chladni join makes one basis of all
+    /// parts. Parts are of the spectrum (hsim) or of the surface (approximate)
     #[arg(long, value_name = "K/N", help_heading = "Method", value_parser = part::which)]
     part: Option<part::WhichPart>,
 

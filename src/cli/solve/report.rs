@@ -199,8 +199,8 @@ pub fn cut_of(cut: CutCluster, delivered: Range<usize>) -> String {
     )
 }
 
-/// The first eigenvalues and the last, with what is known of their errors in percent: estimates and bounds where there are estimates,
-/// residuals and bounds elsewhere.
+/// The first eigenvalues and the last, with what is known of their errors in percent: estimates and bounds where there
+/// are estimates, residuals and bounds elsewhere.
 pub fn eigenvalue_table(eigenvalues: &[f64], residuals: &[f64], estimates: &[f64], bounds: &[f64]) -> String {
     let estimated = !estimates.is_empty();
     let mut table = Table::new(&["pair", "eigenvalue", if estimated { "error, est." } else { "residual" }, "bound"]);

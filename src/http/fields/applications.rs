@@ -41,9 +41,10 @@ problems!(CombFurProblems: SOLVE BODY JSON [UNKNOWN_FIELD, INVALID_DESIGN, NO_FI
 
 /// Combs fur
 ///
-/// For each face a strand that leans along a vector field: its root (the barycentre of the face) and its tip relative to the root, six numbers in the
-/// units of the mesh, for a renderer. With `strands` so many, spread by area, that bend, fall and gather in tufts: three numbers for each of their
-/// points, the root first. JSON, or with `Accept: application/octet-stream` little-endian f32; with `Accept: image/png` a picture of them.
+/// For each face a strand that leans along a vector field: its root (the barycentre of the face) and its tip relative
+/// to the root, six numbers in the units of the mesh, for a renderer. With `strands` so many, spread by area, that
+/// bend, fall and gather in tufts: three numbers for each of their points, the root first. JSON, or with
+/// `Accept: application/octet-stream` little-endian f32; with `Accept: image/png` a picture of them.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/fur", tag = "fields", operation_id = "combFur",
     params(BasisId, NumberingQuery),
@@ -119,9 +120,10 @@ problems!(DrawHatchingProblems: SOLVE BODY JSON [UNKNOWN_FIELD, INVALID_DESIGN, 
 
 /// Draws a hatching
 ///
-/// Evenly spaced streamlines of a field (Jobard and Lefer 1997): of n-fields they follow any of the n directions, of tensor fields the
-/// eigendirections. As polylines on the surface, or with `Accept: image/svg+xml` or `image/png` as a drawing from a camera, without what the surface
-/// hides: with more lines where it is darker, crossed ones only in shadows, and with silhouettes.
+/// Evenly spaced streamlines of a field (Jobard and Lefer 1997): of n-fields they follow any of the n directions, of
+/// tensor fields the eigendirections. As polylines on the surface, or with `Accept: image/svg+xml` or `image/png` as a
+/// drawing from a camera, without what the surface hides: with more lines where it is darker, crossed ones only in
+/// shadows, and with silhouettes.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/hatching", tag = "fields", operation_id = "drawHatching",
     params(BasisId, NumberingQuery),

@@ -1,4 +1,5 @@
-//! What outlives a request, bounded by bytes and made once however many ask: surfaces with their frames, alignments, weighted models.
+//! What outlives a request, bounded by bytes and made once however many ask: surfaces with their frames, alignments,
+//! weighted models.
 //!
 //! The spaces themselves and their eigenpairs lie in the cache of the store.
 
@@ -40,14 +41,16 @@ impl std::fmt::Debug for FieldCache {
 }
 
 impl FieldCache {
-    /// A cache of so many bytes. One shard: with more, each would hold its part only, and a large surface would fit in none.
+    /// A cache of so many bytes. One shard: with more, each would hold its part only, and a large surface would fit in
+    /// none.
     pub fn new(bytes: u64) -> Self {
         let options = OptionsBuilder::new().shards(1).estimated_items_capacity(64).weight_capacity(bytes).build();
         let made = |options| Cache::with_options(options, ByBytes, Default::default(), Default::default());
         Self { kept: options.ok().map(made), bytes }
     }
 
-    /// The bytes that factors of one surface may take: what would be thrown out as soon as it is made is no use to a design.
+    /// The bytes that factors of one surface may take: what would be thrown out as soon as it is made is no use to a
+    /// design.
     pub fn room(&self) -> u64 {
         self.bytes / 4 * 3
     }
@@ -89,8 +92,8 @@ impl FieldCache {
     }
 }
 
-/// Something by its key, made by `make` on the pool of solves with the bytes that it takes. `stage` names the time that it takes to those who ask,
-/// and keeps kinds apart: one stage, one type.
+/// Something by its key, made by `make` on the pool of solves with the bytes that it takes. `stage` names the time that
+/// it takes to those who ask, and keeps kinds apart: one stage, one type.
 ///
 /// # Errors
 /// Whatever `make` answers.

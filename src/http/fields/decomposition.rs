@@ -29,16 +29,18 @@ pub fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new().routes(routes!(decompose))
 }
 
-/// About the bytes of an answer for each number of the field: its parts in frames, as they are written and as they are told, and their text.
+/// About the bytes of an answer for each number of the field: its parts in frames, as they are written and as they are
+/// told, and their text.
 const BYTES_PER_NUMBER: u64 = 160;
 
 problems!(DecomposeFieldProblems: BODY JSON [INVALID_QUERY, UNKNOWN_MESH, DAMAGED_CONTENT, NOT_ACCEPTABLE, NO_FIELD_SURFACE, INVALID_DESIGN]);
 
 /// Decomposes a vector field
 ///
-/// The Hodge decomposition of a field that is given on the faces: a gradient, a co-gradient and a harmonic field, orthogonal to each other, by area,
-/// to rounding. Gradients are those of functions that are linear on faces, co-gradients those of functions on edges that are not conforming, turned
-/// by 90°. Both Laplacians are factored at the first request about a mesh, and kept.
+/// The Hodge decomposition of a field that is given on the faces: a gradient, a co-gradient and a harmonic field,
+/// orthogonal to each other, by area, to rounding. Gradients are those of functions that are linear on faces,
+/// co-gradients those of functions on edges that are not conforming, turned by 90°. Both Laplacians are factored at the
+/// first request about a mesh, and kept.
 #[utoipa::path(
     post, path = "/v1/meshes/{id}/hodge-decomposition", tag = "fields", operation_id = "decomposeField",
     params(MeshId, NumberingQuery),

@@ -35,8 +35,8 @@ pub fn routes() -> OpenApiRouter<AppState> {
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 struct DesignQuery {
-    /// Lifts the field to the faces and says how it is written. Without it JSON has the coefficients alone; raw answers, and those to requests with
-    /// `faces`, are in `world` form.
+    /// Lifts the field to the faces and says how it is written. Without it JSON has the coefficients alone; raw
+    /// answers, and those to requests with `faces`, are in `world` form.
     #[param(inline)]
     form: Option<Form>,
     /// Whether to tell the singular vertices. Takes a pass over all vertices.
@@ -82,11 +82,13 @@ struct DesignAnswer {
     faces: Vec<u32>,
     /// For each constraint the length of what is missing, in stored numbers.
     residuals: Vec<f64>,
-    /// Which fields the field is the one of least energy of: `surface`, all fields of the surface, or `basis`, those of the space.
+    /// Which fields the field is the one of least energy of: `surface`, all fields of the surface, or `basis`, those of
+    /// the space.
     #[schema(example = "surface")]
     space: &'static str,
-    /// How far the field of the coefficients is from that of least energy among all fields of the surface, as a share of its length (norms by area).
-    /// Where that field is the answer, this is the distance; else with `error` an estimate of it, and without null.
+    /// How far the field of the coefficients is from that of least energy among all fields of the surface, as a share
+    /// of its length (norms by area). Where that field is the answer, this is the distance; else with `error` an
+    /// estimate of it, and without null.
     error: Option<f64>,
     /// The field on the faces, where `form` asks for it.
     field: Option<LiftedField>,
@@ -96,8 +98,8 @@ struct DesignAnswer {
     index_sum: Option<f64>,
     /// The Euler characteristic of the surface.
     euler_characteristic: Option<i64>,
-    /// With `exact` singularities the pairs of neighbouring faces across which the field turns by more than half a turn; all others match by the
-    /// least angle.
+    /// With `exact` singularities the pairs of neighbouring faces across which the field turns by more than half a
+    /// turn; all others match by the least angle.
     matching: Option<Vec<MatchedFaces>>,
 }
 
@@ -106,8 +108,8 @@ struct DesignAnswer {
 struct MatchedFaces {
     /// The faces.
     faces: [u32; 2],
-    /// Full turns of the representation from the first face to the second, beyond the least angle: of n directions number k goes on as the `turns`
-    /// next one after that which is nearest to it.
+    /// Full turns of the representation from the first face to the second, beyond the least angle: of n directions
+    /// number k goes on as the `turns` next one after that which is nearest to it.
     turns: i32,
 }
 
@@ -115,21 +117,26 @@ problems!(DesignFieldProblems: SOLVE BODY JSON [UNKNOWN_FIELD, INVALID_DESIGN, N
 
 /// Designs a field
 ///
-/// The field of least energy `w₁ · harmonic + w₂ · biharmonic` in the space that deviates little from strokes and an alignment, by their weights, and
-/// meets hard constraints exactly (Schur complement). Strokes and constraints name a face, or a point whose nearest face is meant, and a direction in
-/// ℝ³ or in the frame of the face (`GET /meshes/{id}/frames`); a stroke may be a line of points as well. Everything is sent again with each request:
-/// what does not change is kept by the server, a moved stroke costs one small solve. Send requests over one kept connection.
+/// The field of least energy `w₁ · harmonic + w₂ · biharmonic` in the space that deviates little from strokes and an
+/// alignment, by their weights, and meets hard constraints exactly (Schur complement). Strokes and constraints name a
+/// face, or a point whose nearest face is meant, and a direction in ℝ³ or in the frame of the face
+/// (`GET /meshes/{id}/frames`); a stroke may be a line of points as well. Everything is sent again with each request:
+/// what does not change is kept by the server, a moved stroke costs one small solve. Send requests over one kept
+/// connection.
 ///
-/// Where the memory that is kept for fields (`--cache-bytes`) holds two sparse factors of the surface the field is the one of least energy among all fields
-/// of the surface; energies and residuals are its own, coefficients are those of the field of the space that is nearest to it, and `error` is how far that
-/// is. On larger surfaces, and with `"space": "basis"`, it is a field of the space of the basis, which stands for that one: with `error` the answer says how far it is from it, with
-/// `refine` that one is the answer, to a tolerance. `space` in the answer says which of both it is.
+/// Where the memory that is kept for fields (`--cache-bytes`) holds two sparse factors of the surface the field is the
+/// one of least energy among all fields of the surface; energies and residuals are its own, coefficients are those of
+/// the field of the space that is nearest to it, and `error` is how far that is. On larger surfaces, and with
+/// `"space": "basis"`, it is a field of the space of the basis, which stands for that one: with `error` the answer says
+/// how far it is from it, with `refine` that one is the answer, to a tolerance. `space` in the answer says which of
+/// both it is.
 ///
-/// With `Accept: application/octet-stream` the answer is the lifted field as little-endian f32, f16 or octahedral directions (`encoding`), face after
-/// face, with its shape in `Chladni-Rows` and `Chladni-Columns`, the energies in `Chladni-Energies` (harmonic, biharmonic, alignment), the largest
-/// residual of a constraint in `Chladni-Residual`, `space` in `Chladni-Space` and, where the request has `error`, that in `Chladni-Error`. `faces` restricts it to some: 3,000 faces of a sample are 36,000
-/// bytes, half of that in f16, a third as octahedral directions, whatever the surface. Which faces a sample has is in `field.faces` of a JSON answer,
-/// and stays the same.
+/// With `Accept: application/octet-stream` the answer is the lifted field as little-endian f32, f16 or octahedral
+/// directions (`encoding`), face after face, with its shape in `Chladni-Rows` and `Chladni-Columns`, the energies in
+/// `Chladni-Energies` (harmonic, biharmonic, alignment), the largest residual of a constraint in `Chladni-Residual`,
+/// `space` in `Chladni-Space` and, where the request has `error`, that in `Chladni-Error`. `faces` restricts it to
+/// some: 3,000 faces of a sample are 36,000 bytes, half of that in f16, a third as octahedral directions, whatever the
+/// surface. Which faces a sample has is in `field.faces` of a JSON answer, and stays the same.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/design", tag = "fields", operation_id = "designField",
     params(BasisId, NumberingQuery, DesignQuery),

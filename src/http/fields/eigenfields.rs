@@ -57,7 +57,8 @@ struct EigenfieldsQuery {
     #[serde(default)]
     #[param(inline, default = "world")]
     form: Form,
-    /// Corrects the fields among all fields of the surface until their eigenvalues are estimated to be right to this share of them: 1e-10 to below 1.
+    /// Corrects the fields among all fields of the surface until their eigenvalues are estimated to be right to this
+    /// share of them: 1e-10 to below 1.
     #[param(minimum = 1e-10, example = 0.001)]
     refine: Option<f64>,
 }
@@ -66,11 +67,13 @@ problems!(GetEigenfieldsProblems: SOLVE BODY [INVALID_RANGE_OF_MODES, INVALID_DE
 
 /// Gets approximate eigenfields
 ///
-/// The lowest fields of the Laplacian of the basis, restricted to its space, of unit norm on the surface of unit area. Their eigenvalues, in
-/// `Chladni-Eigenvalues` (of up to 256 fields), are `eigenvalues` of the basis: exact ones lie below them, by about `certificate.estimates`. With `refine` they are
-/// corrected by multigrid among all fields of the surface, at most the lowest 256: the fields and their eigenvalues are then those of the surface, to
-/// a tolerance, and `Chladni-Estimates` says by about how much each value still lies above the exact one. By `Accept`: `application/x-npy` (the
-/// default), an array of fields × faces × numbers for `numpy.load`; `application/octet-stream`, the same little-endian f32 without a header.
+/// The lowest fields of the Laplacian of the basis, restricted to its space, of unit norm on the surface of unit area.
+/// Their eigenvalues, in `Chladni-Eigenvalues` (of up to 256 fields), are `eigenvalues` of the basis: exact ones lie
+/// below them, by about `certificate.estimates`. With `refine` they are corrected by multigrid among all fields of the
+/// surface, at most the lowest 256: the fields and their eigenvalues are then those of the surface, to a tolerance, and
+/// `Chladni-Estimates` says by about how much each value still lies above the exact one. By `Accept`:
+/// `application/x-npy` (the default), an array of fields × faces × numbers for `numpy.load`;
+/// `application/octet-stream`, the same little-endian f32 without a header.
 #[utoipa::path(
     get, path = "/v1/bases/{id}/eigenfields", tag = "fields", operation_id = "getEigenfields",
     params(BasisId, NumberingQuery, EigenfieldsQuery),

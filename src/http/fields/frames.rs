@@ -28,8 +28,9 @@ problems!(GetFramesProblems: [INVALID_QUERY, UNKNOWN_MESH, DAMAGED_CONTENT, NOT_
 
 /// Gets the frames of faces
 ///
-/// For each face two orthonormal vectors in its plane, six numbers: x first, then y; their cross product is the normal. Numbers per face of fields
-/// refer to them: `a x + b y`. JSON, or with `Accept: application/octet-stream` little-endian f32.
+/// For each face two orthonormal vectors in its plane, six numbers: x first, then y; their cross product is the normal.
+/// Numbers per face of fields refer to them: `a x + b y`. JSON, or with `Accept: application/octet-stream`
+/// little-endian f32.
 #[utoipa::path(
     get, path = "/v1/meshes/{id}/frames", tag = "fields", operation_id = "getFrames",
     params(MeshId, NumberingQuery),

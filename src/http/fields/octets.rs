@@ -17,9 +17,10 @@ pub enum Encoding {
     F32,
     /// Half precision, two bytes: three digits, numbers up to 65,504.
     F16,
-    /// Directions alone, of vectors in ℝ³ (`world` and `roots` of vectors and n-vectors): two i16 for each, to a hundredth of a degree. Divided by
-    /// 32,767 they are `a`, `b` on an octahedron, `c = 1 − |a| − |b|`; where `c` is below 0, `a` and `b` become `(1 − |b|) sign a` and
-    /// `(1 − |a|) sign b`; the direction is that of (a, b, c). Where there is none, both are −32,768.
+    /// Directions alone, of vectors in ℝ³ (`world` and `roots` of vectors and n-vectors): two i16 for each, to a
+    /// hundredth of a degree. Divided by 32,767 they are `a`, `b` on an octahedron, `c = 1 − |a| − |b|`; where `c` is
+    /// below 0, `a` and `b` become `(1 − |b|) sign a` and `(1 − |a|) sign b`; the direction is that of (a, b, c). Where
+    /// there is none, both are −32,768.
     Octahedral,
 }
 

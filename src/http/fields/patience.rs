@@ -15,12 +15,13 @@ pub const USUAL: Duration = Duration::from_secs(60);
 /// Work goes on for so many times its limit by the clock, where other work has the processors.
 const BUSY: u32 = 10;
 
-/// Between two checkpoints no more than this counts. A thread that waits for its part of a parallel loop takes up what others have to do; checkpoints
-/// of its own work are milliseconds apart.
+/// Between two checkpoints no more than this counts. A thread that waits for its part of a parallel loop takes up what
+/// others have to do; checkpoints of its own work are milliseconds apart.
 const MOST_AT_ONCE: Duration = Duration::from_secs(2);
 
-/// Ends work that takes too long, or that nobody waits for. What counts is the processor time of the thread that does it, or that leads those who do:
-/// what is refused is the same on a busy machine as on an idle one. Waiting for others is no work, and ends after [`BUSY`] times as long.
+/// Ends work that takes too long, or that nobody waits for. What counts is the processor time of the thread that does
+/// it, or that leads those who do: what is refused is the same on a busy machine as on an idle one. Waiting for others
+/// is no work, and ends after [`BUSY`] times as long.
 pub struct Patience<'a> {
     limit: Duration,
     leader: ThreadId,
@@ -45,7 +46,8 @@ impl<'a> Patience<'a> {
         Duration::from_nanos(self.spent.load(Ordering::Relaxed))
     }
 
-    /// Whether it has passed after a while by the clock, with the processor time of the leader where it is the leader who asks.
+    /// Whether it has passed after a while by the clock, with the processor time of the leader where it is the leader
+    /// who asks.
     fn has_passed(&self, waited: Duration, processor: impl FnOnce() -> Option<u64>) -> bool {
         if waited >= BUSY * self.limit {
             return true;
@@ -74,7 +76,8 @@ impl Monitor for Patience<'_> {
     }
 }
 
-/// The problem of work that ended before it was done: `invalid-design` within a kind, with what was not done, and what to ask for instead.
+/// The problem of work that ended before it was done: `invalid-design` within a kind, with what was not done, and what
+/// to ask for instead.
 pub fn too_long(within: &'static str, limit: Duration, undone: &str, instead: &str) -> impl Fn(DesignFault) -> Problem {
     let detail = format!(
         "{undone} within the {} seconds of processor time that a request may take, or the machine was too busy to give it as much in {} minutes. {instead}",

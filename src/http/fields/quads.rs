@@ -40,8 +40,8 @@ pub fn routes() -> OpenApiRouter<AppState> {
 /// How long a field and its coordinates are computed within a request.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// About the bytes of each face: the factors of the field and of the coordinates one after the other, panels of columns, and the answer as numbers
-/// and as text.
+/// About the bytes of each face: the factors of the field and of the coordinates one after the other, panels of
+/// columns, and the answer as numbers and as text.
 const BYTES_PER_FACE: u64 = 3000;
 
 const OBJ: &str = "model/obj";
@@ -52,8 +52,8 @@ const TEXT: &str = "text/plain";
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 struct QuadsQuery {
-    /// The whole answer as JSON, or one file, of the mesh as it is kept: OBJ with texture coordinates, legacy VTK, or the field as Directional reads
-    /// it.
+    /// The whole answer as JSON, or one file, of the mesh as it is kept: OBJ with texture coordinates, legacy VTK, or
+    /// the field as Directional reads it.
     #[serde(default)]
     #[param(inline, default = "json")]
     format: QuadsFormat,
@@ -63,10 +63,11 @@ problems!(ParametriseQuadsProblems: SOLVE BODY JSON [UNKNOWN_MESH, UNKNOWN_FIELD
 
 /// Parametrises a surface along a cross field
 ///
-/// A cross field that runs along creases and boundaries, or one of a basis, or a table, is combed and cut open at its singular vertices, and
-/// integrated: coordinates whose gradients are nearest to its directions, and which go on across the cut by quarter turns and translations. With
-/// `integers` the lines of whole numbers meet there, so that they are the edges of quads, for a program that takes them out, such as libQEx. The
-/// order in which vertices are eliminated is found at the first request about a mesh, and kept.
+/// A cross field that runs along creases and boundaries, or one of a basis, or a table, is combed and cut open at its
+/// singular vertices, and integrated: coordinates whose gradients are nearest to its directions, and which go on across
+/// the cut by quarter turns and translations. With `integers` the lines of whole numbers meet there, so that they are
+/// the edges of quads, for a program that takes them out, such as libQEx. The order in which vertices are eliminated is
+/// found at the first request about a mesh, and kept.
 #[utoipa::path(
     post, path = "/v1/meshes/{id}/quads", tag = "fields", operation_id = "parametriseQuads",
     params(MeshId, NumberingQuery, QuadsQuery),

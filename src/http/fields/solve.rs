@@ -21,8 +21,8 @@ use crate::http::body;
 use crate::http::client::ClientState;
 use crate::http::problem::Problem;
 
-/// About the bytes that are held for each face and number of a block of it while an operator is assembled and ordered for its factors, or its levels
-/// are made.
+/// About the bytes that are held for each face and number of a block of it while an operator is assembled and ordered
+/// for its factors, or its levels are made.
 const MAKING_BYTES: u64 = 150;
 
 /// Vectors of the whole surface that a refinement holds at once.
@@ -202,7 +202,8 @@ async fn full_energy_model(state: &ClientState, loaded: &LoadedBasis) -> Result<
     Ok(model.as_ref().clone())
 }
 
-/// What a request wants to be close to, under which key the weighted model of it is kept, and whether weights differ from face to face.
+/// What a request wants to be close to, under which key the weighted model of it is kept, and whether weights differ
+/// from face to face.
 async fn goal(
     state: &ClientState,
     loaded: &LoadedBasis,

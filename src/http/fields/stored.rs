@@ -1,4 +1,5 @@
-//! Fields as resources: tables uploaded once and named in requests, and designs that are saved; listed, shown, renamed, deleted, and given back.
+//! Fields as resources: tables uploaded once and named in requests, and designs that are saved; listed, shown, renamed,
+//! deleted, and given back.
 
 use std::time::Instant;
 
@@ -78,12 +79,13 @@ problems!(UploadFieldProblems: BODY JSON WRITE [INVALID_QUERY, UNKNOWN_MESH, DAM
 
 /// Uploads a field
 ///
-/// A table with a row for each face, which requests name by its id from then on, as `{"stored": id}`: a field to align a design to (`alignment.to`:
-/// three columns are vectors in ℝ³, or the numbers of tensors where the basis is of tensors; two are numbers in the frames of faces), weights of
-/// faces (`alignment.per_face`: one column), crosses (`field` of a parametrisation), a field for fur or a hatching.
+/// A table with a row for each face, which requests name by its id from then on, as `{"stored": id}`: a field to align
+/// a design to (`alignment.to`: three columns are vectors in ℝ³, or the numbers of tensors where the basis is of
+/// tensors; two are numbers in the frames of faces), weights of faces (`alignment.per_face`: one column), crosses
+/// (`field` of a parametrisation), a field for fur or a hatching.
 ///
-/// JSON, or with `Content-Type: application/octet-stream` little-endian numbers, face after face. An equal field on the same mesh has the same id. It
-/// is deleted with its mesh.
+/// JSON, or with `Content-Type: application/octet-stream` little-endian numbers, face after face. An equal field on the
+/// same mesh has the same id. It is deleted with its mesh.
 #[utoipa::path(
     post, path = "/v1/meshes/{id}/fields", tag = "fields", operation_id = "uploadField",
     params(MeshId, NumberingQuery, UploadQuery),
@@ -194,8 +196,8 @@ struct SaveDesignRequest {
     /// A name for people, at most 200 characters.
     #[schema(max_length = 200)]
     name: Option<String>,
-    /// What is asked for, as of `POST /v1/bases/{id}/design`, but for `faces` and `error`. Up to 256 KiB; tables are better uploaded and named by
-    /// their ids.
+    /// What is asked for, as of `POST /v1/bases/{id}/design`, but for `faces` and `error`. Up to 256 KiB; tables are
+    /// better uploaded and named by their ids.
     design: DesignRequest,
 }
 
@@ -203,8 +205,8 @@ problems!(SaveDesignProblems: SOLVE BODY JSON WRITE [UNKNOWN_FIELD, INVALID_DESI
 
 /// Saves a design
 ///
-/// Designs a field and keeps it, with the request that made it: other requests name it by its id as they do uploads, and its numbers can be fetched
-/// in every form. It is on the mesh of the basis, and is deleted with either.
+/// Designs a field and keeps it, with the request that made it: other requests name it by its id as they do uploads,
+/// and its numbers can be fetched in every form. It is on the mesh of the basis, and is deleted with either.
 #[utoipa::path(
     post, path = "/v1/bases/{id}/designs", tag = "fields", operation_id = "saveDesign",
     params(BasisId, NumberingQuery),
@@ -379,7 +381,8 @@ async fn delete(state: ClientState, FieldId(id): FieldId) -> Result<StatusCode, 
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 struct ContentQuery {
-    /// How the numbers of a face of a design are written, `world` where it is left out. Uploads are given back as they are.
+    /// How the numbers of a face of a design are written, `world` where it is left out. Uploads are given back as they
+    /// are.
     #[param(inline)]
     form: Option<Form>,
 }
@@ -388,8 +391,8 @@ problems!(GetFieldContentProblems: [INVALID_QUERY, UNKNOWN_FIELD, UNKNOWN_MESH, 
 
 /// Gets the numbers of a stored field
 ///
-/// By `Accept`: `application/x-npy` (the default), an array of faces × numbers for `numpy.load`; `application/octet-stream`, the same little-endian
-/// f32 without a header; JSON.
+/// By `Accept`: `application/x-npy` (the default), an array of faces × numbers for `numpy.load`;
+/// `application/octet-stream`, the same little-endian f32 without a header; JSON.
 #[utoipa::path(
     get, path = "/v1/fields/{id}/content", tag = "fields", operation_id = "getFieldContent",
     params(FieldId, NumberingQuery, ContentQuery),

@@ -48,17 +48,19 @@ struct TransportQuery {
     encoding: Encoding,
 }
 
-/// About the bytes of an answer for each face: panels of both heat steps, and the numbers as they are written, told and put into text.
+/// About the bytes of an answer for each face: panels of both heat steps, and the numbers as they are written, told and
+/// put into text.
 const BYTES_PER_FACE: u64 = 512;
 
 problems!(TransportVectorsProblems: BODY JSON [INVALID_QUERY, UNKNOWN_MESH, DAMAGED_CONTENT, NOT_ACCEPTABLE, NO_FIELD_SURFACE, INVALID_DESIGN]);
 
 /// Carries vectors over a surface
 ///
-/// The vector heat method (Sharp, Soliman and Crane 2019): each face gets the vector of the nearest source, carried there in parallel along a path
-/// that is about the shortest: on spheres, away from the point opposite to the source, it is off by about half a degree on average, which falls only
-/// slowly as faces shrink, because the directions in which heat crosses edges are not consistent. Both heat steps are factored at the first request
-/// about a mesh, and kept. JSON, or with `Accept: application/octet-stream` raw little-endian numbers.
+/// The vector heat method (Sharp, Soliman and Crane 2019): each face gets the vector of the nearest source, carried
+/// there in parallel along a path that is about the shortest: on spheres, away from the point opposite to the source,
+/// it is off by about half a degree on average, which falls only slowly as faces shrink, because the directions in
+/// which heat crosses edges are not consistent. Both heat steps are factored at the first request about a mesh, and
+/// kept. JSON, or with `Accept: application/octet-stream` raw little-endian numbers.
 #[utoipa::path(
     post, path = "/v1/meshes/{id}/vector-transport", tag = "fields", operation_id = "transportVectors",
     params(MeshId, NumberingQuery, TransportQuery),

@@ -26,7 +26,8 @@ const PATIENCE: Duration = Duration::from_secs(30);
 /// Bytes of a product that fit into any promise.
 const SMALL: u64 = 64 << 20;
 
-/// Takes a product up. Columns of a dense basis are left where they are until they are asked for; the worker is held for as long.
+/// Takes a product up. Columns of a dense basis are left where they are until they are asked for; the worker is held
+/// for as long.
 ///
 /// # Errors
 /// In words, where the worker ends or says something else.
@@ -146,7 +147,8 @@ impl Stream {
         Ok(found)
     }
 
-    /// The next numbers, of which there may be as many as memory holds but once: they are little-endian, as are all machines that this runs on.
+    /// The next numbers, of which there may be as many as memory holds but once: they are little-endian, as are all
+    /// machines that this runs on.
     fn numbers<T: bytemuck::Pod>(&mut self, count: usize) -> Result<Vec<T>, String> {
         let mut found = vec![T::zeroed(); count];
         let mut left: &mut [u8] = bytemuck::cast_slice_mut(&mut found);

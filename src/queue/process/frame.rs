@@ -88,7 +88,8 @@ pub(super) fn write_pieces(out: &mut impl Write, tag: Tag, body: &[u8]) -> io::R
 /// Reads a frame; `None` at the end of the stream.
 ///
 /// # Errors
-/// Those of the stream, and [`io::ErrorKind::InvalidData`] for what is no frame: a worker whose memory is in disorder may say anything.
+/// Those of the stream, and [`io::ErrorKind::InvalidData`] for what is no frame: a worker whose memory is in disorder
+/// may say anything.
 pub(super) fn read(from: &mut impl Read) -> io::Result<Option<Frame>> {
     let mut head = [0u8; 5];
     if from.read(&mut head[..1])? == 0 {

@@ -7,7 +7,8 @@ pub(super) fn allocated() -> Option<u64> {
     line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
 }
 
-/// Lets the process allocate so many bytes beyond what it has, until [`lift`]. What goes beyond finds no memory and aborts.
+/// Lets the process allocate so many bytes beyond what it has, until [`lift`]. What goes beyond finds no memory and
+/// aborts.
 #[cfg(target_os = "linux")]
 pub(super) fn allow(bytes: u64) {
     if let Some(now) = allocated() {

@@ -44,8 +44,8 @@ pub(super) struct Reason {
 pub(super) enum Delivery {
     /// So many bytes of an NPZ file.
     Whole { kind: String, bytes: u64 },
-    /// A compact basis: so many bytes of all but its space, then the places of `rows` rows and one more as eight bytes each, the columns of its entries
-    /// and their values.
+    /// A compact basis: so many bytes of all but its space, then the places of `rows` rows and one more as eight bytes
+    /// each, the columns of its entries and their values.
     Compact { head: u64, rows: usize, columns: usize, entries: usize },
     /// No content: the job is to be divided into so many parts, each of which takes so many bytes of memory.
     Parts { parts: NonZeroUsize, memory_bytes: u64 },

@@ -189,8 +189,8 @@ impl Processes {
     }
 }
 
-/// Sends an order from a thread of its own: a worker that does not read must not keep its server from killing it. What the order is about may not be
-/// readable; then that is to be received.
+/// Sends an order from a thread of its own: a worker that does not read must not keep its server from killing it. What
+/// the order is about may not be readable; then that is to be received.
 fn send(worker: &Worker, order: Order, subject: Subject) -> io::Result<Receiver<io::Error>> {
     let (failed, unsent) = mpsc::channel();
     let orders = Arc::clone(&worker.orders);
@@ -264,7 +264,8 @@ fn attend(
             Heard::Ended(_) if worker.lacked_memory() => return Err(too_little(job)),
             Heard::Ended(how) => return died(how),
         };
-        // A sign of life, whatever it says. That the job was cancelled is looked at above, whether or not the worker speaks.
+        // A sign of life, whatever it says. That the job was cancelled is looked at above, whether or not the worker
+        // speaks.
         let _cancelled = watch.checkpoint();
         match tag {
             Tag::Accepted | Tag::Beat => {}

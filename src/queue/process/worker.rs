@@ -88,11 +88,12 @@ struct Threads {
 }
 
 impl Threads {
-    /// So many threads, each with the workspace that the library of dense products allocates for it. Its size follows from the caches, not from the
-    /// job: twice the third level, which is .94 GiB on a server with 480 MiB. Hardly any of that is ever touched, but a limit on what may be
-    /// allocated would count it.
+    /// So many threads, each with the workspace that the library of dense products allocates for it. Its size follows
+    /// from the caches, not from the job: twice the third level, which is .94 GiB on a server with 480 MiB. Hardly any
+    /// of that is ever touched, but a limit on what may be allocated would count it.
     ///
-    /// What a workspace takes is `known` where there were threads before: theirs may go while those of the new ones come, so it is measured but once.
+    /// What a workspace takes is `known` where there were threads before: theirs may go while those of the new ones
+    /// come, so it is measured but once.
     fn new(size: usize, known: Option<u64>) -> Result<Self, rayon::ThreadPoolBuildError> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(size).build()?;
         let before = limit::allocated();
@@ -105,8 +106,8 @@ impl Threads {
         Ok(Self { workspace: known.unwrap_or_else(measured), pool, began })
     }
 
-    /// Bytes that a job may allocate beyond what is there, where `bytes` are meant for itself. A thread that waits for its part of a product and
-    /// takes up another meanwhile needs a second workspace.
+    /// Bytes that a job may allocate beyond what is there, where `bytes` are meant for itself. A thread that waits for
+    /// its part of a product and takes up another meanwhile needs a second workspace.
     fn allowance(&self, bytes: u64) -> u64 {
         bytes.saturating_add(self.workspace * self.pool.current_num_threads() as u64)
     }

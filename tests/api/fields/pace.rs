@@ -2,8 +2,8 @@
 
 use super::*;
 
-/// The targets: on a million faces, 2,000 dimensions, a dragged stroke answers with the field in f32 within 60 ms at the 95th percentile while a
-/// job runs, and with a sample of 3,000 faces within 15 ms in the server.
+/// The targets: on a million faces, 2,000 dimensions, a dragged stroke answers with the field in f32 within 60 ms at
+/// the 95th percentile while a job runs, and with a sample of 3,000 faces within 15 ms in the server.
 #[tokio::test(flavor = "multi_thread", worker_threads = 1)]
 #[ignore = "measures; run it alone: cargo test --release --test api -- --ignored --nocapture drag"]
 async fn the_pace_of_a_dragged_stroke_while_a_job_runs() {

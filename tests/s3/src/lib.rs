@@ -1,5 +1,5 @@
-//! A store that speaks S3, within the tests: each folder has one of its own, on a thread that lives as long as the process. It can be told to refuse,
-//! and to cut what it answers.
+//! A store that speaks S3, within the tests: each folder has one of its own, on a thread that lives as long as the
+//! process. It can be told to refuse, and to cut what it answers.
 
 use std::{
     collections::HashMap,
@@ -57,7 +57,8 @@ pub struct S3Server {
 
 type Body = UnsyncBoxBody<Bytes, Box<dyn std::error::Error + Send + Sync>>;
 
-/// The store of a folder, which is begun where there is none yet. With `signed`, requests must be signed with [`KEYS`]; without, nobody signs.
+/// The store of a folder, which is begun where there is none yet. With `signed`, requests must be signed with [`KEYS`];
+/// without, nobody signs.
 pub fn of_folder(folder: &Path, signed: bool) -> S3Server {
     static SERVERS: OnceLock<Mutex<HashMap<(PathBuf, bool), S3Server>>> = OnceLock::new();
     let mut servers = SERVERS.get_or_init(Mutex::default).lock().unwrap();

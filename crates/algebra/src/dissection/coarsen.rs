@@ -6,8 +6,8 @@ use super::graph::{Graph, mix};
 
 const NONE: u32 = u32::MAX;
 
-/// The graph of pairs, with the coarse vertex that each vertex belongs to; none where it would hardly be smaller. No coarse vertex weighs more than
-/// `heaviest` unless a single vertex does.
+/// The graph of pairs, with the coarse vertex that each vertex belongs to; none where it would hardly be smaller. No
+/// coarse vertex weighs more than `heaviest` unless a single vertex does.
 pub(super) fn coarsened(graph: &Graph, heaviest: u32) -> Option<(Graph, Vec<u32>)> {
     let mate = matched(graph, heaviest);
     let n = graph.len();
@@ -68,7 +68,8 @@ fn matched(graph: &Graph, heaviest: u32) -> Vec<u32> {
     mate
 }
 
-/// Vertices whose neighbours are all taken, by two that have a neighbour in common: around a hub, and without any neighbour.
+/// Vertices whose neighbours are all taken, by two that have a neighbour in common: around a hub, and without any
+/// neighbour.
 fn pair_leftovers(graph: &Graph, heaviest: u32, mate: &mut [u32], left: Vec<u32>) {
     let mut left: Vec<(u32, u32)> = left
         .into_iter()
@@ -128,7 +129,8 @@ fn contracted(graph: &Graph, mate: &[u32], coarse: &[u32], firsts: &[u32]) -> Gr
     whole
 }
 
-/// The coarse vertices from number `first` on, whose pairs begin with `firsts`. `place` has an entry for each coarse vertex, whatever is in it.
+/// The coarse vertices from number `first` on, whose pairs begin with `firsts`. `place` has an entry for each coarse
+/// vertex, whatever is in it.
 fn contracted_range(
     graph: &Graph,
     mate: &[u32],
@@ -155,7 +157,8 @@ fn contracted_range(
                 if to == own {
                     continue;
                 }
-                // What `place` says of earlier vertices, or of none, does not point at this neighbour among those of this vertex.
+                // What `place` says of earlier vertices, or of none, does not point at this neighbour among those of
+                // this vertex.
                 let at = place[to as usize] as usize;
                 if at >= begin && result.neighbours.get(at) == Some(&to) {
                     result.edge_weights[at] += edge;

@@ -4,7 +4,8 @@ use chladni_base::parallel::*;
 
 use crate::SparseMatrix;
 
-/// Vertices with weights and their neighbours with weights of edges; no vertex is its own neighbour, and every edge is stored from both ends.
+/// Vertices with weights and their neighbours with weights of edges; no vertex is its own neighbour, and every edge is
+/// stored from both ends.
 pub(super) struct Graph {
     /// Where the neighbours of each vertex begin, and where the last ones end: `vertices + 1` entries.
     pub offsets: Vec<u32>,
@@ -55,7 +56,8 @@ impl Graph {
         self.weights.iter().map(|&w| u64::from(w)).sum()
     }
 
-    /// The subgraphs of the vertices on side 0 and on side 1, with the numbers of their vertices here, ascending. Edges to other vertices are left out.
+    /// The subgraphs of the vertices on side 0 and on side 1, with the numbers of their vertices here, ascending. Edges
+    /// to other vertices are left out.
     pub fn split(&self, side: &[u8]) -> [(Self, Vec<u32>); 2] {
         let mut local = vec![0u32; self.len()];
         let mut kept = [Vec::new(), Vec::new()];
@@ -87,8 +89,8 @@ impl Graph {
         })
     }
 
-    /// Vertices that have the same neighbours and each other, such as the components of a displacement, as one: the smaller graph with the group
-    /// of each vertex, where that is smaller by a seventh at least.
+    /// Vertices that have the same neighbours and each other, such as the components of a displacement, as one: the
+    /// smaller graph with the group of each vertex, where that is smaller by a seventh at least.
     pub fn compressed(&self) -> Option<(Self, Vec<u32>)> {
         let n = self.len();
         // Equal for equal sets of vertices, whatever their order.

@@ -19,7 +19,8 @@ impl Halves {
         cost(self.weights, self.between, self.weights[0] + self.weights[1], most)
     }
 
-    /// The cut whose separator are the vertices of `side` with an edge to the other one; `boundary` are those of both sides.
+    /// The cut whose separator are the vertices of `side` with an edge to the other one; `boundary` are those of both
+    /// sides.
     pub fn separated(&self, boundary: &[u32], side: u8, graph: &Graph) -> Cut {
         let mut parts = self.side.clone();
         boundary.iter().filter(|&&v| self.side[v as usize] == side).for_each(|&v| parts[v as usize] = SEPARATOR);
@@ -27,7 +28,8 @@ impl Halves {
     }
 }
 
-/// Side 0 grows from a vertex until it weighs as much as side 1; the vertex that adds least to the edges between them is next.
+/// Side 0 grows from a vertex until it weighs as much as side 1; the vertex that adds least to the edges between them
+/// is next.
 pub(super) fn grow(graph: &Graph, start: u32) -> Halves {
     let n = graph.len();
     let mut halves = Halves { side: vec![1; n], weights: [0, graph.total_weight()], between: 0 };
@@ -65,8 +67,8 @@ pub(super) fn grow(graph: &Graph, start: u32) -> Halves {
 struct Work<'a> {
     graph: &'a Graph,
     halves: &'a mut Halves,
-    /// Twice of by how much less the edges between the sides weigh after a vertex has moved, and one; zero where none has asked, since memory of
-    /// zeros costs nothing before it is touched.
+    /// Twice of by how much less the edges between the sides weigh after a vertex has moved, and one; zero where none
+    /// has asked, since memory of zeros costs nothing before it is touched.
     gains: Vec<i64>,
     /// Vertices that have moved in this pass.
     moved: Vec<bool>,
@@ -74,8 +76,8 @@ struct Work<'a> {
     queues: [BinaryHeap<(i64, u32)>; 2],
 }
 
-/// Moves vertices to the other side while the edges between the sides become fewer. `candidates` are all vertices that may have an edge to the other
-/// side, ascending. Gives those that have one then.
+/// Moves vertices to the other side while the edges between the sides become fewer. `candidates` are all vertices that
+/// may have an edge to the other side, ascending. Gives those that have one then.
 pub(super) fn refine(graph: &Graph, halves: &mut Halves, candidates: Vec<u32>, most: u64) -> Vec<u32> {
     let n = graph.len();
     let queues = [BinaryHeap::new(), BinaryHeap::new()];
@@ -146,7 +148,8 @@ impl Work<'_> {
         self.gains[v as usize] >> 1
     }
 
-    /// The next vertex to move: the one with the larger gain that keeps the balance, of equal ones from the heavier side.
+    /// The next vertex to move: the one with the larger gain that keeps the balance, of equal ones from the heavier
+    /// side.
     fn next(&mut self, most: u64) -> Option<u32> {
         let tops = [self.top(0, most), self.top(1, most)];
         let from = match tops {

@@ -1,7 +1,8 @@
 //! Minimum degree for the parts that are not dissected any further, with the separators around them taken into account.
 
-/// The order of the `n` rows of a part by exact minimum degree, of equal degrees the one that comes first. `neighbours` gives for each row its
-/// neighbours in the part and, from `n` on to `n + halo`, those outside, which are eliminated later.
+/// The order of the `n` rows of a part by exact minimum degree, of equal degrees the one that comes first. `neighbours`
+/// gives for each row its neighbours in the part and, from `n` on to `n + halo`, those outside, which are eliminated
+/// later.
 pub(super) fn minimum_degree<'a>(n: usize, halo: usize, neighbours: impl Fn(usize) -> &'a [u32]) -> Vec<u32> {
     let words = (n + halo).div_ceil(64);
     // Bit j of row i: whether j is beside i, or i itself, after what was eliminated.

@@ -1,4 +1,5 @@
-//! A separator that becomes smaller, vertex by vertex, after Fiduccia and Mattheyses as Ashcraft and Liu do it for vertices.
+//! A separator that becomes smaller, vertex by vertex, after Fiduccia and Mattheyses as Ashcraft and Liu do it for
+//! vertices.
 
 use std::collections::BinaryHeap;
 
@@ -26,7 +27,8 @@ impl Cut {
         Self { side, weights }
     }
 
-    /// What it costs, to compare it with other cuts of the same graph: first what a side weighs beyond `most`, then the separator and the imbalance.
+    /// What it costs, to compare it with other cuts of the same graph: first what a side weighs beyond `most`, then the
+    /// separator and the imbalance.
     pub fn cost(&self, most: u64) -> (u64, u64, u64) {
         let [a, b, between] = self.weights;
         cost([a, b], between, a + b + between, most)
@@ -36,8 +38,8 @@ impl Cut {
 /// The cost of two sides with something `between` them.
 pub(super) fn cost(sides: [u64; 2], between: u64, total: u64, most: u64) -> (u64, u64, u64) {
     let larger = sides[0].max(sides[1]);
-    // Halves need 1 - H(p) less levels than parts of p and 1 - p, of which each costs about twice its separator; H is the binary entropy. In
-    // thousandths, 1 - H(1/2 + d) is about 2.9 d².
+    // Halves need 1 - H(p) less levels than parts of p and 1 - p, of which each costs about twice its separator; H is
+    // the binary entropy. In thousandths, 1 - H(1/2 + d) is about 2.9 d².
     let off = (1000 * larger / total.max(1)).saturating_sub(500);
     (larger.saturating_sub(most), between.saturating_mul(1_000_000 + 3 * off * off / 2), larger)
 }
@@ -55,8 +57,8 @@ struct Work<'a> {
     queues: [BinaryHeap<(i64, u32)>; 2],
 }
 
-/// Moves vertices of the separator to one side, and their neighbours on the other side into the separator, while that makes it weigh less; no side
-/// becomes heavier than `most` unless it is.
+/// Moves vertices of the separator to one side, and their neighbours on the other side into the separator, while that
+/// makes it weigh less; no side becomes heavier than `most` unless it is.
 pub(super) fn refine(graph: &Graph, cut: &mut Cut, most: u64) {
     let n = graph.len();
     let mut work = Work {

@@ -27,8 +27,9 @@ type Level = (Graph, Vec<u32>);
 
 /// The vertices in two sides and a separator. Graphs of one vertex, and complete ones, have nothing on one side.
 ///
-/// Halves with few edges between them are found and followed down the hierarchy, since an edge weighs the same on all levels, while a vertex stands
-/// for many that would not all separate. The vertices along the cut on either side separate, and become fewer.
+/// Halves with few edges between them are found and followed down the hierarchy, since an edge weighs the same on all
+/// levels, while a vertex stands for many that would not all separate. The vertices along the cut on either side
+/// separate, and become fewer.
 pub(super) fn separator(graph: &Graph) -> Cut {
     let most = most(graph);
     let mut levels = Vec::new();

@@ -1,5 +1,6 @@
-//! One right-hand side on all threads. The elimination tree is cut where it forks into large subtrees: these have nothing in common but rows above
-//! them, so that each is eliminated by itself, with a copy of these rows, and what they share comes after.
+//! One right-hand side on all threads. The elimination tree is cut where it forks into large subtrees: these have
+//! nothing in common but rows above them, so that each is eliminated by itself, with a copy of these rows, and what
+//! they share comes after.
 
 use std::ops::Range;
 
@@ -13,7 +14,8 @@ use super::{LANES, sweep};
 /// A subtree that holds less than this share of all entries is not worth a task.
 const SMALLEST_SHARE: usize = 64;
 
-/// How a solve with factors of one structure is shared out among threads. The parts depend on the structure alone, and so do the results.
+/// How a solve with factors of one structure is shared out among threads. The parts depend on the structure alone, and
+/// so do the results.
 #[derive(Debug)]
 pub struct ColumnTree {
     root: Branch,
@@ -21,7 +23,8 @@ pub struct ColumnTree {
     shape: (usize, usize),
 }
 
-/// The supernodes of a subtree that are in no large subtree of it. Their rows come first, then those above that they act on.
+/// The supernodes of a subtree that are in no large subtree of it. Their rows come first, then those above that they
+/// act on.
 #[derive(Debug)]
 struct Branch {
     children: Vec<Child>,
@@ -78,7 +81,8 @@ impl ColumnTree {
     /// `x ← (A − μB)⁻¹ x` with the numbers of a factor of the structure that was shared out.
     ///
     /// # Panics
-    /// Where there are not as many numbers as the matrix has rows, or the structure or the factor is one of another size.
+    /// Where there are not as many numbers as the matrix has rows, or the structure or the factor is one of another
+    /// size.
     pub fn solve<T: Scalar>(&self, symbolic: &SymbolicFactor, numbers: &FactorNumbers<T>, x: &mut [f64]) {
         assert_eq!(self.shape, (symbolic.size(), symbolic.entries()), "the structure that was shared out");
         assert_eq!(x.len(), symbolic.size(), "a number for each row of the matrix");
@@ -112,7 +116,8 @@ impl ColumnTree {
     }
 }
 
-/// The subtrees that are worth a task and have another such beside them, as ranges of supernodes, each after those within it.
+/// The subtrees that are worth a task and have another such beside them, as ranges of supernodes, each after those
+/// within it.
 fn forks(symbolic: &SymbolicFactor) -> Vec<Range<usize>> {
     let SymbolicFactor { nodes, patterns, .. } = symbolic;
     let entries = |node: &Node| node.columns * (node.columns + node.pattern.1);
@@ -301,7 +306,8 @@ mod tests {
                 branches >= least && nodes == symbolic.nodes.len(),
                 "{sides:?}: {branches} branches, {nodes} nodes"
             );
-            // An indefinite shift, and one next to the diagonal, so that rows are exchanged; it lies next to an eigenvalue, too.
+            // An indefinite shift, and one next to the diagonal, so that rows are exchanged; it lies next to an
+            // eigenvalue, too.
             for (shift, tolerance) in [(0.37, 1e-11), (4.0 + 1e-7, 1e-6)] {
                 let factor = symbolic.factor(&matrix, &mass, shift).unwrap();
                 exchanged += usize::from(factor.is_pivoted());

@@ -1,5 +1,6 @@
-//! Right-hand sides of a few entries. Elimination reaches the supernodes above their rows in the elimination tree and no others, of a surface a small
-//! share of all; and inner products of solutions take no substitution: `aᵀ K⁻¹ b = (L⁻¹ a)ᵀ D⁻¹ (L⁻¹ b)`.
+//! Right-hand sides of a few entries. Elimination reaches the supernodes above their rows in the elimination tree and
+//! no others, of a surface a small share of all; and inner products of solutions take no substitution:
+//! `aᵀ K⁻¹ b = (L⁻¹ a)ᵀ D⁻¹ (L⁻¹ b)`.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -77,8 +78,8 @@ impl ReachTree {
         found
     }
 
-    /// Half of the solves for each of `sides`, on all threads. Rows are those of the matrix in its order; in a factor with pivots those of each
-    /// supernode are in their order.
+    /// Half of the solves for each of `sides`, on all threads. Rows are those of the matrix in its order; in a factor
+    /// with pivots those of each supernode are in their order.
     ///
     /// # Panics
     /// Where the numbers came from another structure, a row is not there, or sides are wider than eight.

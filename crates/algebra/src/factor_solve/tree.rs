@@ -1,5 +1,5 @@
-//! Solving for eight right-hand sides on all threads. Subtrees of the elimination tree have nothing in common but rows above them: each is eliminated
-//! by itself, with a copy of these rows, and what they share comes after.
+//! Solving for eight right-hand sides on all threads. Subtrees of the elimination tree have nothing in common but rows
+//! above them: each is eliminated by itself, with a copy of these rows, and what they share comes after.
 
 use chladni_base::parallel::*;
 
@@ -13,7 +13,8 @@ const LARGEST_SHARE: usize = 8;
 /// One that holds less than this share is not worth a task.
 const SMALLEST_SHARE: usize = 512;
 
-/// How the elimination tree of a structure is shared out among threads. The parts depend on the structure alone, and so do the results.
+/// How the elimination tree of a structure is shared out among threads. The parts depend on the structure alone, and so
+/// do the results.
 pub struct SolveTree<'a> {
     symbolic: &'a SymbolicFactor,
     subtrees: Vec<Subtree<'a>>,
@@ -61,7 +62,8 @@ impl<'a> SolveTree<'a> {
             let (first, count, sum) = below[at];
             at + 1 - first == count && LARGEST_SHARE * sum <= total
         };
-        // Whether a node lies inside a subtree, which in an order that is no postorder may be that of an ancestor farther up.
+        // Whether a node lies inside a subtree, which in an order that is no postorder may be that of an ancestor
+        // farther up.
         let mut inside = vec![false; nodes.len()];
         for at in (0..nodes.len()).rev().filter(|&at| parent[at] != usize::MAX) {
             inside[at] = inside[parent[at]] || fits(parent[at]);
@@ -83,7 +85,8 @@ impl<'a> SolveTree<'a> {
         Self { symbolic, subtrees, rest }
     }
 
-    /// `X ← (A − μB)⁻¹ X` for eight columns, row after row, with a factor of the structure. The memory of `scratch` is used again by the next solve.
+    /// `X ← (A − μB)⁻¹ X` for eight columns, row after row, with a factor of the structure. The memory of `scratch` is
+    /// used again by the next solve.
     ///
     /// # Panics
     /// Where there are not as many rows as those of the matrix, or the factor is of another structure.
@@ -213,7 +216,8 @@ mod tests {
             let held: usize = tree.rest.iter().map(|nodes| nodes.len()).sum();
             let in_subtrees: usize = tree.subtrees.iter().map(|subtree| subtree.nodes.len()).sum();
             assert_eq!(held + in_subtrees, symbolic.nodes.len(), "each supernode once");
-            // An indefinite shift, and one next to the diagonal, so that rows are exchanged; it lies next to an eigenvalue, too.
+            // An indefinite shift, and one next to the diagonal, so that rows are exchanged; it lies next to an
+            // eigenvalue, too.
             for (shift, tolerance) in [(0.37, 1e-11), (4.0 + 1e-7, 1e-6)] {
                 let factor = symbolic.factor(&matrix, &mass, shift).unwrap();
                 exchanged += usize::from(factor.is_pivoted());

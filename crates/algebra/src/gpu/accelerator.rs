@@ -27,7 +27,8 @@ const LEAST_COLUMNS: usize = 32;
 /// The same where the device is only used if it is faster.
 const LEAST_COLUMNS_OF_AUTO: usize = 256;
 
-/// Rows below which nothing is measured on a device that is only used if it is faster: the CPU is done before a card is open.
+/// Rows below which nothing is measured on a device that is only used if it is faster: the CPU is done before a card is
+/// open.
 const LEAST_ROWS_OF_AUTO: usize = 100_000;
 
 /// A graphics card, if there is one, and the CPU. The card is opened when it is first needed.
@@ -47,8 +48,8 @@ struct State {
 }
 
 impl Accelerator {
-    /// An accelerator over the chosen adapter, which is not opened yet. Where it cannot be, everything runs on the CPU, and
-    /// [`reason`](Self::reason) tells why.
+    /// An accelerator over the chosen adapter, which is not opened yet. Where it cannot be, everything runs on the CPU,
+    /// and [`reason`](Self::reason) tells why.
     pub fn new(choice: GpuChoice) -> Self {
         let openings_left = if choice == GpuChoice::Off { 0 } else { 1 };
         let state = State { engine: None, reason: None, openings_left };
@@ -226,8 +227,8 @@ impl SymmetricDefiniteSolver for Accelerator {
 
 static CHOSEN: LazyLock<RwLock<Arc<Accelerator>>> = LazyLock::new(|| RwLock::new(Arc::new(Accelerator::off())));
 
-/// Makes a choice that of the whole process, and gives the accelerator over it: a device belongs to the machine, not to a job. Until the first
-/// choice there is none. The same choice again changes nothing.
+/// Makes a choice that of the whole process, and gives the accelerator over it: a device belongs to the machine, not to
+/// a job. Until the first choice there is none. The same choice again changes nothing.
 pub fn choose(choice: GpuChoice) -> Arc<Accelerator> {
     let mut chosen = CHOSEN.write().unwrap_or_else(PoisonError::into_inner);
     if chosen.choice != choice {

@@ -8,8 +8,8 @@ use std::str::FromStr;
 pub enum GpuChoice {
     /// None: everything runs on the CPU.
     Off,
-    /// The first hardware adapter, discrete before integrated, and only where it is faster than the CPU. Never one that is
-    /// software itself.
+    /// The first hardware adapter, discrete before integrated, and only where it is faster than the CPU. Never one that
+    /// is software itself.
     #[default]
     Auto,
     /// The adapter of this place in the list, from 0, wherever it can.
@@ -44,8 +44,8 @@ impl fmt::Display for GpuChoice {
 }
 
 impl GpuChoice {
-    /// The place in the list of the adapter that is meant. `adapters` gives each one's name and rank: 0 for a discrete card, 1 for an
-    /// integrated one, 2 for other hardware, `None` for software.
+    /// The place in the list of the adapter that is meant. `adapters` gives each one's name and rank: 0 for a discrete
+    /// card, 1 for an integrated one, 2 for other hardware, `None` for software.
     #[cfg_attr(not(feature = "gpu"), allow(dead_code, reason = "only a build with the feature has adapters"))]
     pub(super) fn among(&self, adapters: &[(String, Option<u8>)]) -> Option<usize> {
         match self {

@@ -1,5 +1,6 @@
-//! The multigrid cycle of [`Multigrid`] on the device: the same levels, steps and factors, a panel of columns at a time. Where the CPU takes a patch
-//! through all steps while it is in the cache, a card takes all rows through each step.
+//! The multigrid cycle of [`Multigrid`] on the device: the same levels, steps and factors, a panel of columns at a
+//! time. Where the CPU takes a patch through all steps while it is in the cache, a card takes all rows through each
+//! step.
 
 use chladni_base::parallel::*;
 
@@ -67,8 +68,8 @@ impl Rows {
 }
 
 impl DeviceCycle {
-    /// Brings a hierarchy to the device, for panels of `width` columns, a power of two that divides the threads of a group. `stiffness` is the matrix
-    /// that it was made of.
+    /// Brings a hierarchy to the device, for panels of `width` columns, a power of two that divides the threads of a
+    /// group. `stiffness` is the matrix that it was made of.
     ///
     /// # Errors
     /// [`GpuError::Memory`], and [`GpuError::Refused`] for a hierarchy of a single level, which is none.

@@ -64,8 +64,8 @@ pub enum GpuError {
         /// The relative residual.
         residual: f64,
     },
-    /// Pairs from a device that knows f32 alone could not be refined far enough, as where many values lie within a millionth of
-    /// each other.
+    /// Pairs from a device that knows f32 alone could not be refined far enough, as where many values lie within a
+    /// millionth of each other.
     #[error("refinement in f64 ended at a relative residual of {residual:e}")]
     NotRefined {
         /// The relative residual.

@@ -152,8 +152,8 @@ impl KernelName {
     }
 }
 
-/// The text of the product. What a thread computes is written out, since arrays with variable places would not stay in registers, and
-/// checks of bounds inside the innermost loop would cost more than the arithmetic.
+/// The text of the product. What a thread computes is written out, since arrays with variable places would not stay in
+/// registers, and checks of bounds inside the innermost loop would cost more than the arithmetic.
 fn product<T: Real>(transpose_a: bool, transpose_b: bool) -> String {
     let Tile { rows, columns, depth, own_rows, own_columns } = T::TILE;
     let across = columns / own_columns;

@@ -1,4 +1,5 @@
-//! Dense matrices on the device: rows behind each other, cut into panels of whole rows, each in a buffer that one binding can show.
+//! Dense matrices on the device: rows behind each other, cut into panels of whole rows, each in a buffer that one
+//! binding can show.
 
 use std::sync::mpsc;
 

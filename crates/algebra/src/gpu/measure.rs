@@ -1,5 +1,5 @@
-//! Residuals of pairs and what encloses their norms, on the device: lifted, multiplied, taken through multigrid cycles and summed up there, some
-//! columns at a time, so that no more than a few numbers a column come back.
+//! Residuals of pairs and what encloses their norms, on the device: lifted, multiplied, taken through multigrid cycles
+//! and summed up there, some columns at a time, so that no more than a few numbers a column come back.
 
 use chladni_base::Monitor;
 use chladni_base::parallel::*;
@@ -24,7 +24,8 @@ const WIDTHS: [usize; 3] = [64, 32, 16];
 /// Bytes of a row and column: `x` in double precision, and seven panels in single precision with the coarse levels.
 const BYTES: u64 = 8 + 7 * 4;
 
-/// Bytes of all panels. Wider ones gain little: of a matrix row they read less for each column, but the columns are most of the traffic.
+/// Bytes of all panels. Wider ones gain little: of a matrix row they read less for each column, but the columns are
+/// most of the traffic.
 const MOST_BYTES: u64 = 3 << 30;
 
 /// Groups that sum up rows: enough for a large device.

@@ -1,4 +1,5 @@
-//! One column of what a device has measured, computed anew on the CPU: a card that sums up wrongly must not prove anything.
+//! One column of what a device has measured, computed anew on the CPU: a card that sums up wrongly must not prove
+//! anything.
 
 use chladni_base::parallel::*;
 
@@ -125,8 +126,8 @@ fn scaled((value, noise): (f64, f64), by: f64) -> (f64, f64) {
     (by * value, by * noise)
 }
 
-/// What is `left` of each row, gathered from the leaves of the trees to their roots: the sum of the squares over the pivots, and what rounding may change of
-/// it. Rows are grounded by `ground`, and the sum is multiplied by `scale`.
+/// What is `left` of each row, gathered from the leaves of the trees to their roots: the sum of the squares over the
+/// pivots, and what rounding may change of it. Rows are grounded by `ground`, and the sum is multiplied by `scale`.
 fn by_trees(
     trees: &MeasuredTrees<'_>,
     ground: impl Fn(usize) -> f64 + Sync,

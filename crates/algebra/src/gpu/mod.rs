@@ -1,7 +1,9 @@
-//! Dense linear algebra on a graphics card, through Vulkan, Metal or Direct3D 12: docs/gpu.md. The only folder that names wgpu.
+//! Dense linear algebra on a graphics card, through Vulkan, Metal or Direct3D 12: docs/gpu.md. The only folder that
+//! names wgpu.
 //!
-//! [`Accelerator`] is all that others see. It solves dense symmetric-definite eigenproblems like [`CpuSolver`](super::CpuSolver), on the
-//! device where that is there and faster, on the CPU otherwise and whenever the device fails.
+//! [`Accelerator`] is all that others see. It solves dense symmetric-definite eigenproblems like
+//! [`CpuSolver`](super::CpuSolver), on the device where that is there and faster, on the CPU otherwise and whenever the
+//! device fails.
 
 mod accelerator;
 mod choice;

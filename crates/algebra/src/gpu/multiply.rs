@@ -53,7 +53,8 @@ const BUSY_GROUPS: usize = 256;
 /// Terms that are worth a share of their own.
 const LEAST_SHARE: usize = 512;
 
-/// `C ← α op(A) op(B) + β C`, of at least one term. Parts of one matrix must not be read and written at once, not even different ones.
+/// `C ← α op(A) op(B) + β C`, of at least one term. Parts of one matrix must not be read and written at once, not even
+/// different ones.
 ///
 /// # Errors
 /// [`GpuError::Refused`] where the sizes do not fit; whatever the device says.

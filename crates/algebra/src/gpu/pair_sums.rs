@@ -84,8 +84,8 @@ pub struct EnclosureSums {
     pub below: f64,
     /// The sum of the magnitudes of its terms.
     pub size: f64,
-    /// `‖e‖²` in the inverse lumped mass; where there are trees, with Laplacian `T`, in that of `T/m + lumped mass`, `m` = σ over the mass's
-    /// [`lumped_ratio`](MassMatrix::lumped_ratio).
+    /// `‖e‖²` in the inverse lumped mass; where there are trees, with Laplacian `T`, in that of `T/m + lumped mass`,
+    /// `m` = σ over the mass's [`lumped_ratio`](MassMatrix::lumped_ratio).
     pub excess: f64,
     /// The squares of `y` by the weights of rounding errors.
     pub rounding: f64,

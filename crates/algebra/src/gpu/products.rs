@@ -18,7 +18,8 @@ pub struct Resident {
 }
 
 impl Accelerator {
-    /// The restricted pencil `XᵀAX` and `XᵀMX`, both `q × q`, and, where the device formed it, the columns that are there now.
+    /// The restricted pencil `XᵀAX` and `XᵀMX`, both `q × q`, and, where the device formed it, the columns that are
+    /// there now.
     ///
     /// # Errors
     /// The monitor asked to stop.
@@ -85,7 +86,8 @@ impl Accelerator {
         Ok(panel_products::prolong(space, &PanelMatrix::from_dense(coefficients)))
     }
 
-    /// Whether [`measure`](Self::measure) would use a device for `q` pairs on `n` rows, lifted by a matrix with so many entries.
+    /// Whether [`measure`](Self::measure) would use a device for `q` pairs on `n` rows, lifted by a matrix with so many
+    /// entries.
     pub fn would_measure(&self, n: usize, entries: usize, q: usize) -> bool {
         self.engine_for_measuring(n, entries, q).is_some()
     }

@@ -2,8 +2,8 @@
 
 use std::ops::{Add, Div, Mul, Sub};
 
-/// How a product is cut into tiles: a work group computes `rows × columns` of the result, each of its threads `own_rows × own_columns` of
-/// them, and `depth` terms at a time pass through the memory that the group shares.
+/// How a product is cut into tiles: a work group computes `rows × columns` of the result, each of its threads
+/// `own_rows × own_columns` of them, and `depth` terms at a time pass through the memory that the group shares.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Tile {
     /// Rows of the result per group.

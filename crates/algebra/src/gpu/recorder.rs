@@ -1,4 +1,5 @@
-//! Commands on their way to the device: recorded, handed over in portions of about 50 ms, and waited for with a time limit.
+//! Commands on their way to the device: recorded, handed over in portions of about 50 ms, and waited for with a time
+//! limit.
 
 use std::collections::VecDeque;
 
@@ -8,7 +9,8 @@ use super::device::Device;
 use super::error::GpuError;
 use super::kernel::Kernel;
 
-/// Seconds of work, by estimate, that are handed over at once. Windows resets a driver that takes two seconds over a submission.
+/// Seconds of work, by estimate, that are handed over at once. Windows resets a driver that takes two seconds over a
+/// submission.
 pub(super) const PORTION_SECONDS: f64 = 0.05;
 
 /// Portions on their way at once: while the device works on one, the next is recorded.
@@ -33,8 +35,8 @@ impl<'a> Recorder<'a> {
         self.device
     }
 
-    /// Rows that a dispatch takes where each takes so many seconds and a group works on some at a time: half a portion of work at most, and no more
-    /// groups than the device allows.
+    /// Rows that a dispatch takes where each takes so many seconds and a group works on some at a time: half a portion
+    /// of work at most, and no more groups than the device allows.
     pub(super) fn rows_at_once(&self, row_seconds: f64, rows_of_group: usize) -> usize {
         let groups = (0.5 * PORTION_SECONDS / (row_seconds * rows_of_group as f64)) as usize;
         groups.clamp(1, self.device.limits().groups as usize) * rows_of_group

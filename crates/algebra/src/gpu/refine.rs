@@ -1,9 +1,11 @@
-//! The lowest pairs on a device that knows f32 alone: all pairs roughly there, then those that are wanted refined in f64.
+//! The lowest pairs on a device that knows f32 alone: all pairs roughly there, then those that are wanted refined in
+//! f64.
 //!
-//! The device reduces `C = L⁻¹AL⁻ᵀ` in f32 and holds its `d` rough vectors, the wanted ones `X` and the others `W`. A step takes the residual
-//! `R = CX − XΘ` in f64, removes from `X` what it says about the others (`W (Λ − θ)⁻¹ Wᵀ R`: a step of Jacobi's correction with the rough pairs in
-//! place of the true ones, two products on the device), and solves the problem restricted to `X` in f64. Clusters and multiple values among
-//! the wanted ones need nothing special, since that last problem is dense.
+//! The device reduces `C = L⁻¹AL⁻ᵀ` in f32 and holds its `d` rough vectors, the wanted ones `X` and the others `W`. A
+//! step takes the residual `R = CX − XΘ` in f64, removes from `X` what it says about the others (`W (Λ − θ)⁻¹ Wᵀ R`: a
+//! step of Jacobi's correction with the rough pairs in place of the true ones, two products on the device), and solves
+//! the problem restricted to `X` in f64. Clusters and multiple values among the wanted ones need nothing special, since
+//! that last problem is dense.
 
 use chladni_base::{Monitor, Quiet};
 
@@ -37,7 +39,8 @@ pub(super) fn suits(d: usize, count: usize) -> bool {
     3 * count <= 2 * d
 }
 
-/// The `count` lowest pairs of `A x = λ L Lᵀ x`, of which the lower triangles are read, as [`super::solver::lowest`] gives them.
+/// The `count` lowest pairs of `A x = λ L Lᵀ x`, of which the lower triangles are read, as [`super::solver::lowest`]
+/// gives them.
 ///
 /// # Errors
 /// Whatever the device says, [`GpuError::NotRefined`] and [`GpuError::Cancelled`].
@@ -194,7 +197,8 @@ fn refine(
 ) -> Result<(Vec<f64>, DenseMatrix), GpuError> {
     let kept = rough.cut(count);
     let mut x = rough.lowest(kept)?;
-    // The rough vectors mix those of near values, which the restricted problem mends: only what leaves their space has to go before.
+    // The rough vectors mix those of near values, which the restricted problem mends: only what leaves their space has
+    // to go before.
     let mut y = c.times(&x);
     let mut theta: Vec<f64> =
         (0..kept).map(|k| dot(x.column(k), y.column(k)) / dot(x.column(k), x.column(k))).collect();

@@ -1,4 +1,5 @@
-//! Tall matrices that stay on the device between the products of Rayleigh and Ritz: `ΨᵀSΨ`, `ΨZ`, and the lifting `U φ̄`.
+//! Tall matrices that stay on the device between the products of Rayleigh and Ritz: `ΨᵀSΨ`, `ΨZ`, and the lifting
+//! `U φ̄`.
 
 use chladni_base::Monitor;
 

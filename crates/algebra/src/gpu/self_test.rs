@@ -1,4 +1,5 @@
-//! Every kernel against its twin on the CPU, at small odd sizes: run when a device is opened, since a driver may compile one wrong.
+//! Every kernel against its twin on the CPU, at small odd sizes: run when a device is opened, since a driver may
+//! compile one wrong.
 
 use std::time::Instant;
 
@@ -106,8 +107,8 @@ pub(super) fn transposition<T: Real>(device: &Device, m: usize, n: usize) -> Res
     compare(KernelName::Transpose, 1, &values(device, &c)?, &twin::transpose(m, n, &numbers))
 }
 
-/// One column of a reduction of order `d`, from arbitrary vectors, each kernel by itself; `panel` has the first row and the rows of A that lie in its
-/// buffer.
+/// One column of a reduction of order `d`, from arbitrary vectors, each kernel by itself; `panel` has the first row and
+/// the rows of A that lie in its buffer.
 pub(super) fn reduction_step<T: Real>(
     device: &Device,
     d: usize,

@@ -16,8 +16,8 @@ use crate::eigen::tridiagonal_lowest;
 /// Bytes of eigenvectors that go back at once.
 const CHUNK_BYTES: usize = 256 << 20;
 
-/// The `count` lowest pairs of `A x = λ L Lᵀ x`, of which the lower triangles are read: values ascending, and vectors with `xᵀ L Lᵀ x = 1` but for
-/// rounding in the precision `T`.
+/// The `count` lowest pairs of `A x = λ L Lᵀ x`, of which the lower triangles are read: values ascending, and vectors
+/// with `xᵀ L Lᵀ x = 1` but for rounding in the precision `T`.
 ///
 /// The products and the reduction run on the device, the small tridiagonal problem on this machine.
 ///
@@ -81,7 +81,8 @@ pub(super) fn lowest<T: Real>(
     Ok((values, vectors))
 }
 
-/// Writes a multiple of a symmetric matrix of which the lower triangle is given: row by row from squares that fit into the cache.
+/// Writes a multiple of a symmetric matrix of which the lower triangle is given: row by row from squares that fit into
+/// the cache.
 pub(super) fn upload_symmetric<T: Real>(
     device: &Device,
     into: &DeviceMatrix<T>,
@@ -107,8 +108,9 @@ pub(super) fn upload_symmetric<T: Real>(
     })
 }
 
-/// How far pairs are from `A X = L Lᵀ X Λ` and `Xᵀ L Lᵀ X = 1`, by one random combination of all of them: the larger of both norms, relative to the
-/// sizes of the matrices. It costs a few passes over the matrices, and no wrong column hides from it.
+/// How far pairs are from `A X = L Lᵀ X Λ` and `Xᵀ L Lᵀ X = 1`, by one random combination of all of them: the larger of
+/// both norms, relative to the sizes of the matrices. It costs a few passes over the matrices, and no wrong column
+/// hides from it.
 pub(super) fn probe(a: &DenseMatrix, l: &DenseMatrix, values: &[f64], vectors: &DenseMatrix) -> f64 {
     let mut numbers = super::numbers::Numbers(values.len() as u64);
     let weights: Vec<f64> = numbers.take(values.len());

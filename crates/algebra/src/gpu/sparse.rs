@@ -23,8 +23,8 @@ struct Panel<T> {
 }
 
 impl<T: Real> DeviceSparse<T> {
-    /// Brings a matrix of `columns` columns to the device, for products with matrices cut as `like` is. Row `r` has the entries
-    /// `starts[r]..starts[r + 1]`.
+    /// Brings a matrix of `columns` columns to the device, for products with matrices cut as `like` is. Row `r` has the
+    /// entries `starts[r]..starts[r + 1]`.
     pub(super) fn new(
         device: &Device,
         columns: usize,

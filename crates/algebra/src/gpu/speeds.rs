@@ -17,7 +17,8 @@ use super::tridiagonal::reduce;
 use crate::eigen::{CpuSolver, SymmetricDefiniteSolver, tridiagonal_lowest};
 use crate::{DenseMatrix, PANEL_WIDTH, PanelMatrix, SparseMatrix, panel_products};
 
-/// The size at which the CPU is measured: large enough for its threads to pay, and done in a few hundredths of a second.
+/// The size at which the CPU is measured: large enough for its threads to pay, and done in a few hundredths of a
+/// second.
 const CPU_SIZE: usize = 512;
 
 /// The size at which the columns of a reduction are measured: hardly any arithmetic, all waiting.
@@ -86,8 +87,8 @@ impl Speeds {
         [Some(cpu), single, double].into_iter().flatten().min_by(|x, y| x.0.total_cmp(&y.0)).and_then(|best| best.1)
     }
 
-    /// Whether the device should form two Gram matrices of `n × q` numbers and rotate them. That of the CPU costs half, since it knows of the
-    /// symmetry.
+    /// Whether the device should form two Gram matrices of `n × q` numbers and rotate them. That of the CPU costs half,
+    /// since it knows of the symmetry.
     pub(super) fn products_are_faster(&self, n: usize, q: usize) -> bool {
         let Some(Rates { products, .. }) = self.double else { return false };
         let (n, q) = (n as f64, q as f64);
@@ -95,17 +96,18 @@ impl Speeds {
         device < 4.0 * n * q * q / self.cpu_products
     }
 
-    /// Whether the device should lift `q` columns to `n` rows by a matrix with so many entries. Either side reads a number for each entry and
-    /// column; what the device writes has to travel.
+    /// Whether the device should lift `q` columns to `n` rows by a matrix with so many entries. Either side reads a
+    /// number for each entry and column; what the device writes has to travel.
     pub(super) fn lifting_is_faster(&self, n: usize, entries: usize, q: usize) -> bool {
         let (work, written) = (entries as f64 * q as f64, 8.0 * n as f64 * q as f64);
         let device = (8.0 * work + written) / self.memory + written / self.transfer;
         self.double.is_some() && device < work / self.cpu_entries
     }
 
-    /// Whether the device should measure `q` pairs on `n` rows, lifted by a matrix with so many entries. On the CPU a row and column costs as much as
-    /// lifting by some 130 entries (igea subdivided once, 500 pairs, two threads: 4.4 s for 537,374 rows and 554 columns, at 9.0e9 entries a second);
-    /// 80 leaves to the device what it is clearly faster at.
+    /// Whether the device should measure `q` pairs on `n` rows, lifted by a matrix with so many entries. On the CPU a
+    /// row and column costs as much as lifting by some 130 entries (igea subdivided once, 500 pairs, two threads: 4.4 s
+    /// for 537,374 rows and 554 columns, at 9.0e9 entries a second); 80 leaves to the device what it is clearly faster
+    /// at.
     pub(super) fn measuring_is_faster(&self, n: usize, entries: usize, q: usize) -> bool {
         let (rows, columns, entries) = (n as f64, q as f64, entries as f64);
         let bytes = rows * columns * 600.0 + 8.0 * entries * columns;
@@ -115,7 +117,8 @@ impl Speeds {
     }
 
     fn double_seconds(&self, rates: Rates, d: f64, count: f64) -> f64 {
-        // Two triangular solves, the updates, the blocks' factors, then reflectors and a triangular solve for the vectors.
+        // Two triangular solves, the updates, the blocks' factors, then reflectors and a triangular solve for the
+        // vectors.
         let products = d * d * (2.0 * d + 4.0 / 3.0 * d + 0.3 * d + 3.0 * count);
         let bytes = 8.0 / 3.0 * d * d * d;
         let moved = 8.0 * d * (2.0 * d + 2.0 * count);
@@ -133,7 +136,8 @@ impl Speeds {
             + bytes / self.memory
             + products / self.single.products
             + moved / self.transfer;
-        // The standard form, three products with it, Gram matrices and rotations, vectors back; and problems of the size of what is refined.
+        // The standard form, three products with it, Gram matrices and rotations, vectors back; and problems of the
+        // size of what is refined.
         let products = d * (d * d + 6.0 * d * m + 16.0 * m * m + d * count);
         device + products / self.cpu_products + 3.0 * self.cpu_seconds * m.powi(3)
     }

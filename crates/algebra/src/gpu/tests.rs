@@ -191,8 +191,8 @@ fn a_device_with_f32_alone_gives_pairs_of_f64() {
     assert_eq!(solver.fallbacks(), 0);
 }
 
-/// `cargo test --release --lib gpu::tests::steps -- --ignored --nocapture`: how many products with the matrix a refinement takes,
-/// at sizes that the software driver needs a while for. docs/decisions/0019 stands on it.
+/// `cargo test --release --lib gpu::tests::steps -- --ignored --nocapture`: how many products with the matrix a
+/// refinement takes, at sizes that the software driver needs a while for. docs/decisions/0019 stands on it.
 #[test]
 #[ignore = "measures"]
 fn steps_of_refinement_at_larger_sizes() {

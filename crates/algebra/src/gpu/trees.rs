@@ -1,5 +1,5 @@
-//! What a correction leaves of residuals, measured by trees on the device: a group of threads takes a panel through a patch, level by level, from the
-//! leaves to the roots.
+//! What a correction leaves of residuals, measured by trees on the device: a group of threads takes a panel through a
+//! patch, level by level, from the leaves to the roots.
 
 use chladni_base::parallel::*;
 
@@ -106,7 +106,8 @@ impl DeviceTrees {
         })
     }
 
-    /// Finds the pivots for the σ of each column. `weights` has one over the lumped mass of each row, and another number.
+    /// Finds the pivots for the σ of each column. `weights` has one over the lumped mass of each row, and another
+    /// number.
     ///
     /// # Panics
     /// Where columns beside each other have not σ in common, sixteen by sixteen.
@@ -126,7 +127,8 @@ impl DeviceTrees {
         self.dispatch(recorder, KernelName::Pivots, self.sigmas, after)
     }
 
-    /// Gathers what is left of a panel, and sums its squares over the pivots up: for each patch a number a column. `left` is used up.
+    /// Gathers what is left of a panel, and sums its squares over the pivots up: for each patch a number a column.
+    /// `left` is used up.
     pub(super) fn gather(
         &self,
         recorder: &mut Recorder<'_>,

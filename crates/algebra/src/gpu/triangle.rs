@@ -11,8 +11,8 @@ use crate::DenseMatrix;
 /// Below this size the inverse is at hand.
 const SMALL: usize = 64;
 
-/// A lower triangular matrix `L` on the device: transposed, since its columns lie behind each other, and with the inverses of the blocks on its
-/// diagonal.
+/// A lower triangular matrix `L` on the device: transposed, since its columns lie behind each other, and with the
+/// inverses of the blocks on its diagonal.
 pub(super) struct Triangle<T> {
     transposed: DeviceMatrix<T>,
     inverses: DeviceMatrix<T>,

@@ -1,5 +1,5 @@
-//! A symmetric matrix to tridiagonal form on the device, and vectors back (LAPACK's dsytrd and dormtr, with a full matrix instead of a
-//! triangle: every row is read as a whole).
+//! A symmetric matrix to tridiagonal form on the device, and vectors back (LAPACK's dsytrd and dormtr, with a full
+//! matrix instead of a triangle: every row is read as a whole).
 
 use super::device::Buffer;
 use super::error::GpuError;
@@ -79,8 +79,8 @@ pub(super) struct Tridiagonal {
     pub(super) tau: Vec<f64>,
 }
 
-/// Reduces `a`, symmetric and full, and leaves the reflectors in its rows: row `j` holds the `j`-th, with zeros up to its place `j`.
-/// `progress` hears the fraction of columns done.
+/// Reduces `a`, symmetric and full, and leaves the reflectors in its rows: row `j` holds the `j`-th, with zeros up to
+/// its place `j`. `progress` hears the fraction of columns done.
 pub(super) fn reduce<T: Real>(
     recorder: &mut Recorder<'_>,
     a: &DeviceMatrix<T>,
@@ -152,7 +152,8 @@ pub(super) fn reduce<T: Real>(
             }
         }
         progress(end as f64 / d as f64);
-        // A product of a matrix and a vector takes as long as the memory does, not the arithmetic: hand over block by block.
+        // A product of a matrix and a vector takes as long as the memory does, not the arithmetic: hand over block by
+        // block.
         recorder.submit()?;
     }
     recorder.finish()?;
@@ -165,8 +166,8 @@ pub(super) fn reduce<T: Real>(
     Ok(Tridiagonal { diagonal, off_diagonal, tau })
 }
 
-/// The triangular factors of the blocks of reflectors, `WIDE_BLOCK` of them each: `H₁H₂⋯ = I − V T Vᵀ` (Schreiber and Van Loan 1989). The
-/// matrix holds the factors below each other, each transposed of how it is applied to rows.
+/// The triangular factors of the blocks of reflectors, `WIDE_BLOCK` of them each: `H₁H₂⋯ = I − V T Vᵀ` (Schreiber and
+/// Van Loan 1989). The matrix holds the factors below each other, each transposed of how it is applied to rows.
 pub(super) fn block_factors<T: Real>(
     recorder: &mut Recorder<'_>,
     reflectors: &DeviceMatrix<T>,

@@ -101,8 +101,8 @@ pub(super) fn smooth(
     }
 }
 
-/// The kernels `pivots` and `trees`: for each column the sum of the squares over the pivots, and what is gathered. The lumped mass, one over the first of each
-/// two weights, is at most `ratio` times the mass.
+/// The kernels `pivots` and `trees`: for each column the sum of the squares over the pivots, and what is gathered. The
+/// lumped mass, one over the first of each two weights, is at most `ratio` times the mass.
 pub(super) fn trees(
     trees: &MeasuredTrees<'_>,
     ratio: f64,

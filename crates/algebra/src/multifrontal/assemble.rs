@@ -26,7 +26,8 @@ pub struct View<'a> {
 const FEWEST_COLUMNS: usize = 64;
 
 impl Update {
-    /// A copy of the lower triangle of a matrix on a stack, without the memory above its diagonal: it waits longer than those there.
+    /// A copy of the lower triangle of a matrix on a stack, without the memory above its diagonal: it waits longer than
+    /// those there.
     pub fn packed(node: usize, below: usize, from: &[f64], sums: bool) -> Self {
         let stride = stride(below);
         let mut values = Vec::with_capacity(below * (below + 1) / 2 + if sums { below } else { 0 });

@@ -1,6 +1,7 @@
 //! Eliminating the columns of one front: `L` and `D` of its own columns, and what they take off the rest, `−L D Lᵀ`.
 //!
-//! Large fronts are cut into tiles by their size alone, so that the bits are the same whether threads share them or not.
+//! Large fronts are cut into tiles by their size alone, so that the bits are the same whether threads share them or
+//! not.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::{LdltRegularization, cholesky_in_place, cholesky_in_place_scratch};
@@ -19,7 +20,8 @@ const PANEL: usize = 128;
 /// Rows and columns of a tile, and the rows that are solved for together.
 const TILE: usize = 192;
 
-/// Fronts of so few columns and rows below are eliminated column by column, without the ceremony that products of large matrices take.
+/// Fronts of so few columns and rows below are eliminated column by column, without the ceremony that products of large
+/// matrices take.
 const FEW_COLUMNS: usize = 16;
 const FEW_ROWS: usize = 160;
 
@@ -44,8 +46,8 @@ pub struct Columns<'a> {
     pub columns: usize,
 }
 
-/// `values ← L` with `D` on its diagonal, and `update ← −L D Lᵀ` for the rows below: the lower triangle of a square matrix whose columns are
-/// [`stride`] apart. Above its diagonal there is anything.
+/// `values ← L` with `D` on its diagonal, and `update ← −L D Lᵀ` for the rows below: the lower triangle of a square
+/// matrix whose columns are [`stride`] apart. Above its diagonal there is anything.
 pub fn eliminate(front: Columns<'_>, update: &mut [f64], scratch: &mut Scratch, parallel: bool) -> Result<(), NoPivot> {
     let Columns { values, rows, columns } = front;
     let below = rows - columns;

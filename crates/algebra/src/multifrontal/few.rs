@@ -1,4 +1,5 @@
-//! The elimination of a front of few columns: most fronts of a sparse matrix are so small that the whole of one stays in the first-level cache.
+//! The elimination of a front of few columns: most fronts of a sparse matrix are so small that the whole of one stays
+//! in the first-level cache.
 
 use pulp::Simd;
 

@@ -1,7 +1,9 @@
-//! The numbers of `L D Lᵀ` by fronts: each supernode is a dense matrix of its own columns and the rows below, to which its children in the tree
-//! hand what they take off (Duff and Reid 1983). Subtrees of about equal work go to the threads, and so do tiles of the large fronts above them.
+//! The numbers of `L D Lᵀ` by fronts: each supernode is a dense matrix of its own columns and the rows below, to which
+//! its children in the tree hand what they take off (Duff and Reid 1983). Subtrees of about equal work go to the
+//! threads, and so do tiles of the large fronts above them.
 //!
-//! Nothing but the structure decides how the work is cut, and sums are in one order: the bits do not depend on the number of threads.
+//! Nothing but the structure decides how the work is cut, and sums are in one order: the bits do not depend on the
+//! number of threads.
 
 mod assemble;
 mod dense;
@@ -80,7 +82,8 @@ struct Piece<'a> {
 /// Memory of a task.
 #[derive(Default)]
 struct Workspace {
-    /// Update matrices that wait, of supernodes at even and odd depths: those of the children of a supernode are always the last of theirs.
+    /// Update matrices that wait, of supernodes at even and odd depths: those of the children of a supernode are always
+    /// the last of theirs.
     stacks: [Stack; 2],
     scratch: Scratch,
     places: Vec<u32>,
@@ -97,8 +100,8 @@ struct Stack {
     waiting: Vec<(usize, usize)>,
 }
 
-/// Factors the matrix with these entries of the lower triangle into `values` and the diagonal of `D⁻¹`, which may both hold anything. Stops where the
-/// monitor asks for it, too.
+/// Factors the matrix with these entries of the lower triangle into `values` and the diagonal of `D⁻¹`, which may both
+/// hold anything. Stops where the monitor asks for it, too.
 pub(super) fn factor(
     symbolic: &SymbolicFactor,
     plan: &Plan,

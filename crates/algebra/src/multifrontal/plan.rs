@@ -1,5 +1,6 @@
-//! Which parts of a factor are computed as one task: subtrees of the supernode tree of about equal work, and the chains of large supernodes above
-//! them. The parts depend on the structure alone, and so do the bits of the result, whatever the number of threads.
+//! Which parts of a factor are computed as one task: subtrees of the supernode tree of about equal work, and the chains
+//! of large supernodes above them. The parts depend on the structure alone, and so do the bits of the result, whatever
+//! the number of threads.
 
 use std::ops::Range;
 

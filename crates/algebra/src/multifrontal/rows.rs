@@ -1,4 +1,5 @@
-//! What is read off a front once its columns were eliminated: growth, inertia, and how large rounding errors of its rows may be.
+//! What is read off a front once its columns were eliminated: growth, inertia, and how large rounding errors of its
+//! rows may be.
 
 use chladni_base::parallel::*;
 use pulp::Simd;
@@ -142,7 +143,8 @@ fn add_column(sums: &mut [f64], column: usize, values: &[f64]) {
     arch.dispatch(AddMagnitudes { sums: &mut sums[column + 1..], l: &values[column + 1..], factor: sum });
 }
 
-/// How large the error of a row may be, from the sum of its row of `|L| |D| |Lᵀ|` and the number of entries of its row of `L`.
+/// How large the error of a row may be, from the sum of its row of `|L| |D| |Lᵀ|` and the number of entries of its row
+/// of `L`.
 pub struct RowErrors<'a> {
     /// Entries of each row of `L`.
     pub terms: &'a [u32],

@@ -8,8 +8,8 @@ const STRENGTH: f64 = 0.08;
 /// How far the prolongation is smoothed, in multiples of the diagonal.
 const DAMPING: f64 = 0.66;
 
-/// `P = (I − ω D⁻¹ S̃) T` from aggregates to rows: `T` is 1 where a row belongs to an aggregate, `S̃` is `S` with weak connections put
-/// on the diagonal.
+/// `P = (I − ω D⁻¹ S̃) T` from aggregates to rows: `T` is 1 where a row belongs to an aggregate, `S̃` is `S` with weak
+/// connections put on the diagonal.
 pub(super) fn prolongation(stiffness: &SparseMatrix) -> SparseMatrix<f32> {
     let n = stiffness.rows();
     let diagonal: Vec<f64> = (0..n)

@@ -7,11 +7,12 @@ use crate::SparseMatrix;
 /// Coarse rows whose mass a thread sums up at once.
 const ROWS: usize = 512;
 
-/// `PᵀSP` and the diagonal of the lumped `PᵀMP`: `prolongation` is `P`, `n × d`, `stiffness` is `S`, symmetric, and `masses` hold the diagonal of
-/// `M`.
+/// `PᵀSP` and the diagonal of the lumped `PᵀMP`: `prolongation` is `P`, `n × d`, `stiffness` is `S`, symmetric, and
+/// `masses` hold the diagonal of `M`.
 ///
-/// Row by row of the result, each sum in the order of the rows of `P`, so that it does not depend on the number of threads.
-/// [`galerkin`](crate::galerkin), with its small dense products, is for functions of many rows; these have about eight.
+/// Row by row of the result, each sum in the order of the rows of `P`, so that it does not depend on the number of
+/// threads. [`galerkin`](crate::galerkin), with its small dense products, is for functions of many rows; these have
+/// about eight.
 pub(super) fn restricted(
     prolongation: &SparseMatrix<f32>,
     stiffness: &SparseMatrix,

@@ -1,5 +1,5 @@
-//! Who works on a panel: a thread of its own, or all threads together. Panels of their own need no waiting, but memory for each, and leave threads idle
-//! where there are fewer panels.
+//! Who works on a panel: a thread of its own, or all threads together. Panels of their own need no waiting, but memory
+//! for each, and leave threads idle where there are fewer panels.
 
 use chladni_base::Spare;
 use chladni_base::parallel::*;

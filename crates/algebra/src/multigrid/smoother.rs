@@ -62,8 +62,9 @@ impl Buffers {
         });
     }
 
-    /// Steps of the Chebyshev iteration from `x`: `x ← x + β (x − before) + γ D⁻¹ (b − A x)`, one pass over the first `rows(step)` rows each. Step 0
-    /// looks at no `before`; where the iteration began with [`first_step`](Self::first_step), that was zero at step 1.
+    /// Steps of the Chebyshev iteration from `x`: `x ← x + β (x − before) + γ D⁻¹ (b − A x)`, one pass over the first
+    /// `rows(step)` rows each. Step 0 looks at no `before`; where the iteration began with
+    /// [`first_step`](Self::first_step), that was zero at step 1.
     pub(super) fn steps(
         &mut self,
         matrix: &SparseRows,
@@ -127,7 +128,8 @@ impl Buffers {
     }
 }
 
-/// One step of the Chebyshev iteration: `x ← x + β (x − before) + γ D⁻¹ (b − A x)`, where `before` is zero or not looked at if `fresh`.
+/// One step of the Chebyshev iteration: `x ← x + β (x − before) + γ D⁻¹ (b − A x)`, where `before` is zero or not
+/// looked at if `fresh`.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ChebyshevStep {
     pub(crate) fresh: bool,
@@ -162,7 +164,8 @@ pub(super) struct Sweep<'a> {
 }
 
 impl Sweep<'_> {
-    /// Puts the new iterate in the place of the one before, for rows from `from` on; the one before is not looked at if `FRESH`.
+    /// Puts the new iterate in the place of the one before, for rows from `from` on; the one before is not looked at if
+    /// `FRESH`.
     #[inline(always)]
     fn run<const FRESH: bool>(&self, from: usize, before: &mut [CycleRow]) {
         let Self { matrix, right, factors, x, beta, gamma } = *self;

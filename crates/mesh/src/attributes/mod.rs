@@ -1,7 +1,9 @@
-//! What a file says beside positions and faces: texture coordinates, normals, and the names of groups, objects and materials.
+//! What a file says beside positions and faces: texture coordinates, normals, and the names of groups, objects and
+//! materials.
 //!
-//! Vertices of a mesh stay those of the file's positions. Texture coordinates and normals have indices of their own, one for each corner of each
-//! face, so that a seam splits no vertex. Nothing is computed from them: they are kept for what goes out again.
+//! Vertices of a mesh stay those of the file's positions. Texture coordinates and normals have indices of their own,
+//! one for each corner of each face, so that a seam splits no vertex. Nothing is computed from them: they are kept for
+//! what goes out again.
 
 mod bytes;
 mod moved;
@@ -64,7 +66,8 @@ pub struct AttributeReport {
     pub objects: usize,
     /// Names of materials.
     pub materials: usize,
-    /// Corners of faces that name a texture coordinate or a normal which the file does not have, or which is not finite; they have none.
+    /// Corners of faces that name a texture coordinate or a normal which the file does not have, or which is not
+    /// finite; they have none.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub missing: usize,
 }
@@ -112,9 +115,9 @@ impl Attributes {
         layers + self.labels().iter().map(|labels| labels.bytes()).sum::<u64>()
     }
 
-    /// What is left after repairs: `given` are the faces as these attributes have them, `vertices` tells for each of their vertices the kept one,
-    /// `kept` are the faces that were kept, and `origin` tells which of the given ones each of them was. Corners that were turned
-    /// keep what they had.
+    /// What is left after repairs: `given` are the faces as these attributes have them, `vertices` tells for each of
+    /// their vertices the kept one, `kept` are the faces that were kept, and `origin` tells which of the given ones
+    /// each of them was. Corners that were turned keep what they had.
     pub(crate) fn repaired(
         self,
         given: &[[u32; 3]],
@@ -147,8 +150,9 @@ impl Attributes {
         }
     }
 
-    /// The attributes of a mesh of which every face was divided into four ([`subdivided`](crate::subdivide::subdivided)): texture coordinates at
-    /// midpoints are means, normals means of length one.
+    /// The attributes of a mesh of which every face was divided into four
+    /// ([`subdivided`](crate::subdivide::subdivided)): texture coordinates at midpoints are means, normals means of
+    /// length one.
     pub(crate) fn divided(self) -> Self {
         let unit = |sum: [f64; 3]| {
             let length = sum.iter().map(|x| x * x).sum::<f64>().sqrt();

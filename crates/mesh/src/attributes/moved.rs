@@ -10,15 +10,17 @@ use crate::TriangleMesh;
 type Vector = [f64; 3];
 
 impl Attributes {
-    /// The attributes of a surface whose vertices have moved. Normals follow it: at each vertex, what one normal of the file was to the faces that
-    /// share it, its successor is to these faces as they lie now, so that smooth places stay smooth, creases sharp, and normals that stood a little
-    /// off their surface do so again. All else stays as it is.
+    /// The attributes of a surface whose vertices have moved. Normals follow it: at each vertex, what one normal of the
+    /// file was to the faces that share it, its successor is to these faces as they lie now, so that smooth places stay
+    /// smooth, creases sharp, and normals that stood a little off their surface do so again. All else stays as it is.
     ///
-    /// A face turns its normals as the inverse transpose of its deformation does, with its thickness kept; faces that share a normal at a vertex
-    /// give the mean, weighted by their areas now. A normal all of whose faces are flat, before or after, stays.
+    /// A face turns its normals as the inverse transpose of its deformation does, with its thickness kept; faces that
+    /// share a normal at a vertex give the mean, weighted by their areas now. A normal all of whose faces are flat,
+    /// before or after, stays.
     ///
     /// # Panics
-    /// Where the positions are not as many as those of the mesh, or the mesh has other faces than the attributes are of.
+    /// Where the positions are not as many as those of the mesh, or the mesh has other faces than the attributes are
+    /// of.
     pub fn moved(&self, from: &TriangleMesh, to: &[[f64; 3]]) -> Cow<'_, Self> {
         assert_eq!(from.positions.len(), to.len(), "a position for each vertex");
         let Some(normals) = &self.normals else { return Cow::Borrowed(self) };
@@ -55,7 +57,8 @@ fn follow(normals: &Layer<3>, from: &TriangleMesh, to: &[Vector]) -> Layer<3> {
     Layer { values, corners: moved }
 }
 
-/// The normal as this face has turned it, as long as twice the area of the face; `None` where the face is flat, before or after.
+/// The normal as this face has turned it, as long as twice the area of the face; `None` where the face is flat, before
+/// or after.
 fn turned(from: &TriangleMesh, to: &[Vector], face: u32, normal: Vector) -> Option<Vector> {
     let corners = from.faces[face as usize].map(|v| v as usize);
     let edges = |positions: &[Vector]| {

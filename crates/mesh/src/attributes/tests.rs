@@ -18,7 +18,8 @@ fn kept(text: &str, options: CheckOptions) -> CheckedMesh {
     check(raw(text), &options).unwrap()
 }
 
-/// A polygon of a file: its vertices, counted from 0, and the number of its group. Corner `i` has the texture coordinate `(polygon, i)`.
+/// A polygon of a file: its vertices, counted from 0, and the number of its group. Corner `i` has the texture
+/// coordinate `(polygon, i)`.
 struct Polygon {
     vertices: Vec<u32>,
     group: usize,
@@ -253,7 +254,8 @@ fn normals_follow_a_surface_that_bends() {
 
 #[test]
 fn normals_of_stretched_and_sharp_surfaces_are_those_of_the_new_ones() {
-    // An octahedron, each face with its normal: a crease at each edge. Normals of planes turn as the inverse transpose says.
+    // An octahedron, each face with its normal: a crease at each edge. Normals of planes turn as the inverse transpose
+    // says.
     let (p, f) = (1.0, [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]]);
     let positions = vec![[p, 0.0, 0.0], [-p, 0.0, 0.0], [0.0, p, 0.0], [0.0, -p, 0.0], [0.0, 0.0, p], [0.0, 0.0, -p]];
     let mesh = TriangleMesh { positions, faces: f.to_vec(), ..Default::default() };

@@ -102,7 +102,8 @@ impl Examination {
         self.faces.drop_faces(&stray);
     }
 
-    /// Makes one of vertices at equal positions if that is wanted: gives each that was merged, ascending, with the one that it became a part of.
+    /// Makes one of vertices at equal positions if that is wanted: gives each that was merged, ascending, with the one
+    /// that it became a part of.
     fn merge_vertices(&mut self, wanted: bool) -> Vec<(u32, u32)> {
         let equal = equal_positions(&self.positions);
         if !wanted {
@@ -146,7 +147,8 @@ impl Examination {
 
     /// Turns faces over so that neighbours agree, and says whether all do.
     fn orient(&mut self, topology: &Topology) -> bool {
-        // What operators take for one without area: next to the longest edges nothing is left of it in double precision.
+        // What operators take for one without area: next to the longest edges nothing is left of it in double
+        // precision.
         let corners = |face: [u32; 3]| face.map(|vertex| self.positions[vertex as usize]);
         let flat = self.faces.select(|&face| TriangleShape::of_corners(corners(face)).area == 0.0);
         let defect = tally(&flat).into_defect(DefectKind::ZeroArea, |f| self.faces.origin(f));
@@ -292,7 +294,8 @@ fn face_origins(faces: &Faces, polygons: Option<Polygons>) -> Option<Vec<u32>> {
     }
 }
 
-/// Divides every face into four, as often as asked, and brings the counts up to date. What defects name keeps its number in the input.
+/// Divides every face into four, as often as asked, and brings the counts up to date. What defects name keeps its
+/// number in the input.
 fn subdivide(mesh: &mut TriangleMesh, report: &mut MeshReport, options: &CheckOptions) -> Result<(), MeshError> {
     let factor = 4usize.checked_pow(u32::from(options.subdivisions)).unwrap_or(usize::MAX);
     let (count, most) = (mesh.faces.len().saturating_mul(factor), options.most_faces.min(MOST_FACES));

@@ -12,8 +12,8 @@ pub(super) fn doubled_area(positions: &[[f64; 3]], face: [u32; 3]) -> f64 {
     (normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]).sqrt()
 }
 
-/// The total area, added up in an order that does not depend on the number of threads. Faces whose area overflows or is not a
-/// number, which only meshes that are refused have, do not count.
+/// The total area, added up in an order that does not depend on the number of threads. Faces whose area overflows or is
+/// not a number, which only meshes that are refused have, do not count.
 pub(super) fn total_area(positions: &[[f64; 3]], faces: &[[u32; 3]]) -> f64 {
     let chunks = faces.par_chunks(1 << 14);
     let areas = |chunk: &[[u32; 3]]| {

@@ -1,4 +1,5 @@
-//! Random soups of faces, against a second construction of the same report: hash tables, and links of vertices walked one by one.
+//! Random soups of faces, against a second construction of the same report: hash tables, and links of vertices walked
+//! one by one.
 
 use super::*;
 use proptest::prelude::*;

@@ -18,8 +18,8 @@ use crate::sample::spatial_order;
 /// Fewer points have no more than one triangle.
 const FEWEST: usize = 4;
 
-/// How often triangles are made, since points without any are left out, and the others may have had them for neighbours.
-/// Surfaces are settled after one or two rounds; each takes as long as the first.
+/// How often triangles are made, since points without any are left out, and the others may have had them for
+/// neighbours. Surfaces are settled after one or two rounds; each takes as long as the first.
 const ROUNDS: usize = 3;
 
 /// Whether a file has only points: it names no face, not even one that was left out.
@@ -31,8 +31,8 @@ pub fn has_points_alone(raw: &RawMesh) -> bool {
         && raw.short_faces_dropped == 0
 }
 
-/// Checks points without faces: the mesh has their positions alone, and they are numbered along a curve through space, so that whatever is computed
-/// of them does not depend on the order in which they came.
+/// Checks points without faces: the mesh has their positions alone, and they are numbered along a curve through space,
+/// so that whatever is computed of them does not depend on the order in which they came.
 ///
 /// Points at equal positions become one, but for [`Merge::Never`]; those that no local triangulation uses are dropped.
 ///
@@ -146,8 +146,8 @@ fn settle(
     Ok(())
 }
 
-/// The points in this order with their local triangles, and those whose neighbours lie on no surface; points without triangles are taken out of the
-/// order.
+/// The points in this order with their local triangles, and those whose neighbours lie on no surface; points without
+/// triangles are taken out of the order.
 fn triangulated(positions: &[[f64; 3]], order: &mut Vec<u32>) -> Result<(TriangleMesh, Vec<u32>), MeshError> {
     for _ in 0..ROUNDS {
         let own: Vec<[f64; 3]> = order.iter().map(|&point| positions[point as usize]).collect();
@@ -282,7 +282,8 @@ mod tests {
         let mut random = SplitMix64::new(3);
         let shaken: Vec<[f64; 3]> = solid(10).iter().map(|p| p.map(|x| x + 0.5 * random.unit())).collect();
         assert!(off(shaken) > 500);
-        // A surface of a cube, with its edges and corners, and a sphere whose points are moved by a fifth of their distance.
+        // A surface of a cube, with its edges and corners, and a sphere whose points are moved by a fifth of their
+        // distance.
         let skin: Vec<[f64; 3]> = solid(20).into_iter().filter(|p| p.iter().any(|&x| x == 0.0 || x == 19.0)).collect();
         assert_eq!(off(skin), 0);
         let noisy = sphere(3000).into_iter().map(|p| p.map(|x| x + 0.013 * (random.unit() - 0.5))).collect();

@@ -38,8 +38,9 @@ impl DistanceWorkspace {
         let (places, flood, stamp) = (&mut self.places[..], &mut self.flood[..], self.stamp);
         let centre = places[source as usize].position;
         places[source as usize].stamp = stamp;
-        // Every vertex is written to the end of the list and stays there if it is new and near: a branch on that would be
-        // guessed wrong half of the time. One place more than there are vertices takes the last one that does not stay.
+        // Every vertex is written to the end of the list and stays there if it is new and near: a branch on that would
+        // be guessed wrong half of the time. One place more than there are vertices takes the last one that does not
+        // stay.
         flood[0] = (source, 0.0);
         let (mut next, mut end) = (0, 1);
         let square = radius * radius;

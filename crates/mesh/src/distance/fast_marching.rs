@@ -19,7 +19,8 @@ pub(super) struct Corner {
     double_area: f32,
 }
 
-/// The corners at all vertices, vertex after vertex as [`Connectivity::face_range`] tells; lengths in multiples of `unit`.
+/// The corners at all vertices, vertex after vertex as [`Connectivity::face_range`] tells; lengths in multiples of
+/// `unit`.
 ///
 /// Each triangle is stored three times, so that what a vertex needs lies in one place: 24 bytes for each of 6 corners.
 pub(super) fn corners(mesh: &TriangleMesh, connectivity: &Connectivity, unit: f64) -> Vec<Corner> {
@@ -48,13 +49,13 @@ pub(super) fn corners(mesh: &TriangleMesh, connectivity: &Connectivity, unit: f6
         .collect()
 }
 
-/// The distance at corner C of a triangle whose corners A and B are at the distances `at_a` and `at_b`; `ab`, `ac`, `bc` are the
-/// lengths of its edges.
+/// The distance at corner C of a triangle whose corners A and B are at the distances `at_a` and `at_b`; `ab`, `ac`,
+/// `bc` are the lengths of its edges.
 ///
-/// A source in the plane of the triangle, on the other side of AB, explains the two distances. If the straight line from there
-/// to C passes between A and B, its length is the answer, else the better of the two edges to C is. Coordinates here, with
-/// A in the origin and B on the first axis, are multiplied by the length of AB, which saves divisions. Nothing branches before
-/// the end: what is no triangle becomes NaN and fails every comparison.
+/// A source in the plane of the triangle, on the other side of AB, explains the two distances. If the straight line
+/// from there to C passes between A and B, its length is the answer, else the better of the two edges to C is.
+/// Coordinates here, with A in the origin and B on the first axis, are multiplied by the length of AB, which saves
+/// divisions. Nothing branches before the end: what is no triangle becomes NaN and fails every comparison.
 fn through_triangle(at_a: f32, at_b: f32, ab: f32, ac: f32, bc: f32, double_area: f32) -> f32 {
     let along_edge = (at_a + ac).min(at_b + bc);
     let ab2 = ab * ab;

@@ -1,7 +1,8 @@
 //! Distances from one vertex to those around it, out to a radius.
 //!
 //! A [`DistanceGeometry`] holds what one kind of distance needs of a mesh and is shared between threads; a
-//! [`DistanceWorkspace`] holds what one thread writes to, and is used again for source after source without being cleared.
+//! [`DistanceWorkspace`] holds what one thread writes to, and is used again for source after source without being
+//! cleared.
 
 mod dijkstra;
 mod euclidean;
@@ -24,27 +25,27 @@ pub(super) use queue::Queue;
 pub enum DistanceKind {
     /// Along edges: 4 to 8 % too long, by a different amount in each direction.
     Dijkstra,
-    /// In a straight line through space, over the vertices that edges connect to the source within the ball: the thesis'
-    /// choice (Nasikun et al. 2018, section 4).
+    /// In a straight line through space, over the vertices that edges connect to the source within the ball: the
+    /// thesis' choice (Nasikun et al. 2018, section 4).
     #[default]
     Euclidean,
-    /// Short-term vector Dijkstra (Campen et al. 2013): the last `window` edges of a path are unfolded into the plane and
-    /// replaced by the straight line between their ends. A window of 1 is Dijkstra.
+    /// Short-term vector Dijkstra (Campen et al. 2013): the last `window` edges of a path are unfolded into the plane
+    /// and replaced by the straight line between their ends. A window of 1 is Dijkstra.
     Stvd {
         /// How many edges are unfolded at most; 3 and 6 in the thesis. At most [`STVD_WINDOW_MAX`] are used.
         #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 64, example = 6))]
         window: u32,
     },
-    /// Triangle by triangle from the virtual source in the plane (Novotni and Klein 2002), in order of distance: the most
-    /// exact of the four.
+    /// Triangle by triangle from the virtual source in the plane (Novotni and Klein 2002), in order of distance: the
+    /// most exact of the four.
     FastMarching,
 }
 
 /// The longest useful window of [`DistanceKind::Stvd`].
 pub const STVD_WINDOW_MAX: u32 = 64;
 
-/// What one kind of distance needs of a mesh, in single precision relative to a unit of length, so that meshes of any scale
-/// are treated alike.
+/// What one kind of distance needs of a mesh, in single precision relative to a unit of length, so that meshes of any
+/// scale are treated alike.
 pub struct DistanceGeometry<'a> {
     mesh: &'a TriangleMesh,
     connectivity: &'a Connectivity,
@@ -62,8 +63,8 @@ enum Prepared {
 }
 
 impl<'a> DistanceGeometry<'a> {
-    /// Prepares a mesh for distances of one kind, all of them measured in multiples of `unit`: a positive length in the units
-    /// of the mesh, best of the order of the radii that will be asked for.
+    /// Prepares a mesh for distances of one kind, all of them measured in multiples of `unit`: a positive length in the
+    /// units of the mesh, best of the order of the radii that will be asked for.
     pub fn new(mesh: &'a TriangleMesh, connectivity: &'a Connectivity, kind: DistanceKind, unit: f64) -> Self {
         let prepared = match kind {
             DistanceKind::Dijkstra => Prepared::Dijkstra { lengths: connectivity.scaled_lengths(unit) },
@@ -89,9 +90,9 @@ impl<'a> DistanceGeometry<'a> {
 
 /// What one thread writes to while it measures distances: `O(n)` memory, never cleared between sources.
 pub struct DistanceWorkspace {
-    /// Per vertex `stamp · 2³² + bits of the distance`. Stamps fall from run to run, so an entry of this run is smaller than one
-    /// of an earlier run, and a shorter distance smaller than a longer one: one comparison answers "is this better than
-    /// what is there".
+    /// Per vertex `stamp · 2³² + bits of the distance`. Stamps fall from run to run, so an entry of this run is smaller
+    /// than one of an earlier run, and a shorter distance smaller than a longer one: one comparison answers "is this
+    /// better than what is there".
     state: Vec<u64>,
     stamp: u32,
     queue: Queue,
@@ -115,9 +116,9 @@ impl DistanceWorkspace {
         }
     }
 
-    /// The vertices within `radius` of `source` and their distances, both in multiples of the geometry's unit. The source comes
-    /// first, at distance 0; otherwise the order is that in which vertices were reached, which is ascending but for
-    /// [`DistanceKind::Euclidean`].
+    /// The vertices within `radius` of `source` and their distances, both in multiples of the geometry's unit. The
+    /// source comes first, at distance 0; otherwise the order is that in which vertices were reached, which is
+    /// ascending but for [`DistanceKind::Euclidean`].
     ///
     /// A source that is not a vertex of the mesh reaches nothing.
     pub fn local_distances(&mut self, geometry: &DistanceGeometry, source: u32, radius: f32) -> &[(u32, f32)] {
@@ -156,7 +157,8 @@ impl DistanceWorkspace {
         u64::from(self.stamp) << 32 | u64::from(distance.to_bits())
     }
 
-    /// The state of a vertex whose distance is final: smaller than any open state of this run, so that nothing replaces it.
+    /// The state of a vertex whose distance is final: smaller than any open state of this run, so that nothing replaces
+    /// it.
     fn settled(&self, distance: f32) -> u64 {
         u64::from(self.stamp - 1) << 32 | u64::from(distance.to_bits())
     }

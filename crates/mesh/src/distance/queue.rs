@@ -9,13 +9,13 @@ const PER_EDGE: f32 = 12.0;
 /// Buckets at most, whatever the ratio of the longest edge to the typical one.
 const BUCKETS_MAX: f32 = 8192.0;
 
-/// Vertices in order of distance; equal distances in order of vertex. Entries that were overtaken stay inside: whoever takes
-/// one compares it with the vertex' current distance.
+/// Vertices in order of distance; equal distances in order of vertex. Entries that were overtaken stay inside: whoever
+/// takes one compares it with the vertex' current distance.
 ///
-/// A growing front never holds distances that differ by more than the longest edge. They are dropped into a ring of buckets that
-/// spans a little more than that, and a bucket is sorted when its turn comes (Denardo and Fox 1979). What arrives in the bucket
-/// at hand, from edges shorter than a bucket is wide, goes through a heap, so that the order is exact and a mesh with edges of
-/// all sizes costs no more than with a plain heap.
+/// A growing front never holds distances that differ by more than the longest edge. They are dropped into a ring of
+/// buckets that spans a little more than that, and a bucket is sorted when its turn comes (Denardo and Fox 1979). What
+/// arrives in the bucket at hand, from edges shorter than a bucket is wide, goes through a heap, so that the order is
+/// exact and a mesh with edges of all sizes costs no more than with a plain heap.
 pub(crate) struct Queue {
     per_distance: f32,
     buckets: Vec<Vec<u64>>,
@@ -68,15 +68,15 @@ impl Queue {
         self.cursor = 0;
     }
 
-    /// Queues a vertex at a distance that is not negative, not less than that of the last entry taken, and not more than the
-    /// longest edge beyond it.
+    /// Queues a vertex at a distance that is not negative, not less than that of the last entry taken, and not more
+    /// than the longest edge beyond it.
     pub fn push(&mut self, distance: f32, vertex: u32) {
         let bucket = (distance * self.per_distance) as u64;
         if bucket <= self.cursor {
             self.late.push(Reverse(key(distance, vertex)));
         } else {
-            // Rounding may carry a distance past the span of the ring: the last bucket takes it, before its time or not, and
-            // nothing is lost.
+            // Rounding may carry a distance past the span of the ring: the last bucket takes it, before its time or
+            // not, and nothing is lost.
             let ahead = (bucket - self.cursor).min(self.buckets.len() as u64 - 1);
             let place = (self.cursor + ahead) as usize & (self.buckets.len() - 1);
             self.buckets[place].push(key(distance, vertex));

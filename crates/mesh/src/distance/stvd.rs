@@ -13,8 +13,8 @@ pub(super) struct Step {
     from: u32,
     /// Its length.
     length: f32,
-    /// The direction of this step relative to the one before, as a unit complex number: the turn, measured in the tangent
-    /// plane at `from`.
+    /// The direction of this step relative to the one before, as a unit complex number: the turn, measured in the
+    /// tangent plane at `from`.
     turn: [f32; 2],
 }
 
@@ -48,8 +48,8 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// The turn from direction `before` to direction `after`, seen along `normal`: both are projected to the tangent plane. No turn
-/// where a projection vanishes, which makes the unfolded path as long as the path itself.
+/// The turn from direction `before` to direction `after`, seen along `normal`: both are projected to the tangent plane.
+/// No turn where a projection vanishes, which makes the unfolded path as long as the path itself.
 fn turn(normal: [f32; 3], before: [f64; 3], after: [f64; 3]) -> [f32; 2] {
     let normal = normal.map(f64::from);
     let (u, v) = (dot(before, normal), dot(after, normal));
@@ -94,8 +94,8 @@ impl DistanceWorkspace {
         }
     }
 
-    /// The least of `d(v₋ᵢ) + |sum of the last i unfolded edges|` over i up to the window, for a step from a settled vertex at
-    /// `distance`; never less than that distance.
+    /// The least of `d(v₋ᵢ) + |sum of the last i unfolded edges|` over i up to the window, for a step from a settled
+    /// vertex at `distance`; never less than that distance.
     fn unfolded(&self, step: &Step, distance: f32, window: u32) -> f32 {
         let mut best = distance + step.length;
         let mut sum = [step.length, 0.0];

@@ -36,8 +36,8 @@ impl DiskGrower {
         }
     }
 
-    /// The faces within `radius` of `source` and their distances, nearest first. The graph must be the one that this was made for; a
-    /// source that is no face gives an empty disk.
+    /// The faces within `radius` of `source` and their distances, nearest first. The graph must be the one that this
+    /// was made for; a source that is no face gives an empty disk.
     pub fn grow(&mut self, graph: &DualGraph, source: u32, radius: f32) -> &[(u32, f32)] {
         self.disk = self.disk.wrapping_add(1);
         if self.disk == 0 {

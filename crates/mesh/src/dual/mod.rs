@@ -1,7 +1,7 @@
 //! The dual graph of a surface: faces are its nodes, shared edges its edges.
 //!
-//! Edge `k` of a face lies opposite to its corner `k` and runs from corner `k + 1` to corner `k + 2`. Two neighbours of one orientation run along
-//! their shared edge in opposite directions; on a surface that is not orientable some do not.
+//! Edge `k` of a face lies opposite to its corner `k` and runs from corner `k + 1` to corner `k + 2`. Two neighbours of
+//! one orientation run along their shared edge in opposite directions; on a surface that is not orientable some do not.
 
 mod grow;
 #[cfg(test)]
@@ -86,8 +86,8 @@ pub struct DualGraph {
 }
 
 impl DualGraph {
-    /// Builds the graph. Lengths of its edges are those of straight lines between barycentres after unfolding the two faces into a plane,
-    /// on the surface scaled to unit area.
+    /// Builds the graph. Lengths of its edges are those of straight lines between barycentres after unfolding the two
+    /// faces into a plane, on the surface scaled to unit area.
     ///
     /// # Errors
     /// [`DualError`] names the edge or the vertex at which the mesh is no manifold.
@@ -186,14 +186,15 @@ impl DualGraph {
         Ok(())
     }
 
-    /// Whether the fan that begins at a corner runs clockwise as its face sees it: it has to run away from the boundary.
+    /// Whether the fan that begins at a corner runs clockwise as its face sees it: it has to run away from the
+    /// boundary.
     fn begins_turned(&self, corner: u32) -> bool {
         let (own, k) = (self.neighbours[corner as usize / 3], corner as usize % 3);
         own[(k + 1) % 3] == NO_FACE && own[(k + 2) % 3] != NO_FACE
     }
 
-    /// The next corner at the same vertex, counter-clockwise or clockwise, as the first face of the fan sees it; corners are numbered `3 · face + k`,
-    /// and with each goes whether its face has the opposite orientation.
+    /// The next corner at the same vertex, counter-clockwise or clockwise, as the first face of the fan sees it;
+    /// corners are numbered `3 · face + k`, and with each goes whether its face has the opposite orientation.
     fn step(&self, mesh: &TriangleMesh, (corner, turned): (u32, bool), counter_clockwise: bool) -> Option<(u32, bool)> {
         let (face, k) = (corner as usize / 3, corner as usize % 3);
         let vertex = mesh.faces[face][k];
@@ -208,7 +209,8 @@ impl DualGraph {
         self.sided_fan(mesh, vertex, corners, |_| {})
     }
 
-    /// The same, with for each corner whether its face has the orientation opposite to that in which the fan runs counter-clockwise.
+    /// The same, with for each corner whether its face has the orientation opposite to that in which the fan runs
+    /// counter-clockwise.
     pub fn sided_fan(
         &self,
         mesh: &TriangleMesh,
@@ -298,7 +300,8 @@ impl DualGraph {
         self.lengths[face]
     }
 
-    /// Whether the neighbour across edge `k` of a face has the opposite orientation: both run along that edge in the same direction.
+    /// Whether the neighbour across edge `k` of a face has the opposite orientation: both run along that edge in the
+    /// same direction.
     #[inline]
     pub fn is_mirrored(&self, face: usize, k: usize) -> bool {
         self.mirrored.get(face).is_some_and(|own| own[k])
@@ -359,8 +362,8 @@ impl DualGraph {
         (component, count as usize)
     }
 
-    /// The same graph with lengths times the mean weight of the two faces: where weights are large, distances are, so that samples lie
-    /// denser and disks are smaller (thesis, section 3.4, adaptive subspaces).
+    /// The same graph with lengths times the mean weight of the two faces: where weights are large, distances are, so
+    /// that samples lie denser and disks are smaller (thesis, section 3.4, adaptive subspaces).
     ///
     /// `None` unless there is one positive finite weight for each face.
     pub fn weighted(&self, weights: &[f64]) -> Option<Self> {

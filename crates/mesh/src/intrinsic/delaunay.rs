@@ -4,12 +4,12 @@ use chladni_base::{Cancelled, Monitor};
 
 use super::{IntrinsicTriangulation, TriangleShape, next};
 
-/// An edge whose two half cotangents sum to less than this is flipped. Rounding leaves more than that only of triangles that are
-/// far flatter than mollification lets them be.
+/// An edge whose two half cotangents sum to less than this is flipped. Rounding leaves more than that only of triangles
+/// that are far flatter than mollification lets them be.
 const LEAST_WEIGHT: f64 = -1e-10;
 
-/// So many flips an edge are made at most: on real meshes there is less than one. Without the last ones the stiffness is still that
-/// of a triangulation, but may have negative weights.
+/// So many flips an edge are made at most: on real meshes there is less than one. Without the last ones the stiffness
+/// is still that of a triangulation, but may have negative weights.
 const MOST_FLIPS_PER_EDGE: usize = 100;
 
 /// Edges looked at between two checkpoints.
@@ -62,8 +62,8 @@ impl IntrinsicTriangulation {
         opposite(h) + opposite(self.twins[h as usize])
     }
 
-    /// Replaces an edge by the other diagonal of its two triangles, and gives the four half-edges around them. `None`, and nothing
-    /// changes, where both its sides lie in one triangle or rounding spoils the new length.
+    /// Replaces an edge by the other diagonal of its two triangles, and gives the four half-edges around them. `None`,
+    /// and nothing changes, where both its sides lie in one triangle or rounding spoils the new length.
     fn flip(&mut self, h: u32) -> Option<[u32; 4]> {
         let g = self.twins[h as usize];
         let (f, e) = (h / 3, g / 3);
@@ -75,7 +75,8 @@ impl IntrinsicTriangulation {
         let tail = |h: u32| self.faces[h as usize / 3][h as usize % 3];
         let (a, b, c, d) = (tail(h), tail(h1), tail(h2), tail(g2));
         let [l, bc, ca, ad, db] = [h, h1, h2, g1, g2].map(|h| self.half_edge_length(h));
-        // Both triangles laid out along the edge: the apexes lie on either side of it, so that heights add without loss.
+        // Both triangles laid out along the edge: the apexes lie on either side of it, so that heights add without
+        // loss.
         let along = |from: f64, to: f64| ((from - to) * (from + to) / l + l) / 2.0;
         let height = |face: u32| 2.0 * self.shapes[face as usize].area / l;
         let cd = (along(ca, bc) - along(ad, db)).hypot(height(f) + height(e));

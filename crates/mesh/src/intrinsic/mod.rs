@@ -1,5 +1,5 @@
-//! Intrinsic triangulations: triangles known by the lengths of their edges alone, so that edges may be flipped across the
-//! surface without moving it (Sharp and Crane 2020).
+//! Intrinsic triangulations: triangles known by the lengths of their edges alone, so that edges may be flipped across
+//! the surface without moving it (Sharp and Crane 2020).
 
 mod delaunay;
 mod triangle;
@@ -10,7 +10,8 @@ pub use triangle::TriangleShape;
 
 use super::TriangleMesh;
 
-/// A triangulation of a closed surface by lengths. Half-edge `3f + c` of triangle `f` runs from its corner `c` to the next one.
+/// A triangulation of a closed surface by lengths. Half-edge `3f + c` of triangle `f` runs from its corner `c` to the
+/// next one.
 ///
 /// Triangles may meet a vertex more than once, and two triangles may share several edges; vertices are labels.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,7 +52,8 @@ impl IntrinsicTriangulation {
         self.twins[half_edge as usize]
     }
 
-    /// How often the triangles cover the surface: twice, or once where it is closed, manifold and consistently oriented.
+    /// How often the triangles cover the surface: twice, or once where it is closed, manifold and consistently
+    /// oriented.
     pub fn sheets(&self) -> usize {
         self.sheets
     }

@@ -49,7 +49,8 @@ impl TriangleShape {
     }
 }
 
-/// The area of a triangle of these lengths, by the formula of Heron that Kahan made stable for needles; 0 where they do not close.
+/// The area of a triangle of these lengths, by the formula of Heron that Kahan made stable for needles; 0 where they do
+/// not close.
 fn area(mut l: [f64; 3]) -> f64 {
     l.sort_unstable_by(|a, b| b.total_cmp(a));
     let [a, b, c] = l;

@@ -1,5 +1,5 @@
-//! The tufted cover: two copies of every face, back to back, glued to the neighbours that they face. Whatever the mesh, each edge
-//! of the cover has two sides, and it has no boundary (Sharp and Crane 2020, section 3).
+//! The tufted cover: two copies of every face, back to back, glued to the neighbours that they face. Whatever the mesh,
+//! each edge of the cover has two sides, and it has no boundary (Sharp and Crane 2020, section 3).
 
 use chladni_base::parallel::*;
 use std::cmp::Ordering;
@@ -15,8 +15,8 @@ const MARGIN: f64 = 1e-5;
 impl IntrinsicTriangulation {
     /// The tufted cover of a mesh, with mollified lengths, in units of which `scale` make one of the mesh.
     ///
-    /// All indices must be in range and all coordinates finite. A closed, manifold and consistently oriented mesh is covered by itself:
-    /// its two sheets would be alike.
+    /// All indices must be in range and all coordinates finite. A closed, manifold and consistently oriented mesh is
+    /// covered by itself: its two sheets would be alike.
     ///
     /// # Errors
     /// [`CoverError`]: a mesh without proper faces or without lengths, or with too many faces to count.
@@ -46,7 +46,8 @@ impl IntrinsicTriangulation {
         } else {
             // The back of half-edge 3f + c runs the other way.
             let back = |h: u32| 3 * (single as u32 + h / 3) + 2 - h % 3;
-            // The sides that look along increasing and decreasing angles around the edge from its lower to its higher vertex.
+            // The sides that look along increasing and decreasing angles around the edge from its lower to its higher
+            // vertex.
             let ahead = |r: u64| if runs_down(r) { back(half_edge(r)) } else { half_edge(r) };
             let behind = |r: u64| if runs_down(r) { half_edge(r) } else { back(half_edge(r)) };
             let mut around = Vec::new();
@@ -80,9 +81,10 @@ impl IntrinsicTriangulation {
     }
 }
 
-/// The order in which triangles at one angle lie on each other around the edge from `low` to `high`: by their numbers, seen from the side on which
-/// the three vertices turn counter-clockwise by theirs. So equal triangles lie in one order at all three edges, and each but the outer two sides of
-/// the stack is glued to the next by all of them; in different orders they would be tangled, and the triangulation depend on the order of the faces.
+/// The order in which triangles at one angle lie on each other around the edge from `low` to `high`: by their numbers,
+/// seen from the side on which the three vertices turn counter-clockwise by theirs. So equal triangles lie in one order
+/// at all three edges, and each but the outer two sides of the stack is glued to the next by all of them; in different
+/// orders they would be tangled, and the triangulation depend on the order of the faces.
 fn stacked(faces: &[[u32; 3]], low: u32, high: u32, a: u64, b: u64) -> Ordering {
     let [p, q] = [a, b].map(|record| apex(faces, half_edge(record)));
     let order = p.cmp(&q).then(half_edge(a).cmp(&half_edge(b)));
@@ -101,8 +103,9 @@ fn lengths(mesh: &TriangleMesh, faces: &[[u32; 3]], scale: f64) -> Vec<[f64; 3]>
         .collect()
 }
 
-/// Adds the least length to every edge of a component that lets all its triangles close with a margin; gives its share of the mean length, the largest of all
-/// components. One that is a millionth of the others is no less a surface; measured by the mean of all, its triangles would count as degenerate.
+/// Adds the least length to every edge of a component that lets all its triangles close with a margin; gives its share
+/// of the mean length, the largest of all components. One that is a millionth of the others is no less a surface;
+/// measured by the mean of all, its triangles would count as degenerate.
 fn mollify(table: &EdgeTable, faces: &[[u32; 3]], lengths: &mut [[f64; 3]]) -> Result<f64, CoverError> {
     let (mut sum, mut edges) = (0.0, 0usize);
     table.for_each_edge(|_, _, records| {
@@ -152,8 +155,8 @@ fn flatness([a, b, c]: [f64; 3]) -> f64 {
     (a - b - c).max(b - c - a).max(c - a - b)
 }
 
-/// Numbers that grow with the angles of `points` around the axis from `low` to `high`, seen from its end, starting at the first; zeros
-/// where there is no axis.
+/// Numbers that grow with the angles of `points` around the axis from `low` to `high`, seen from its end, starting at
+/// the first; zeros where there is no axis.
 fn angles(low: [f64; 3], high: [f64; 3], points: impl Iterator<Item = [f64; 3]>) -> Vec<f64> {
     let minus = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

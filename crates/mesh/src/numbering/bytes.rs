@@ -8,8 +8,8 @@ use crate::subdivide;
 const HEAD: usize = 48;
 
 impl Numbering {
-    /// The numbering as bytes, little-endian: counts of file and kept mesh, the maps that differ from the identity, and the nearest vertices of
-    /// dropped ones.
+    /// The numbering as bytes, little-endian: counts of file and kept mesh, the maps that differ from the identity, and
+    /// the nearest vertices of dropped ones.
     pub fn to_bytes(&self) -> Vec<u8> {
         let maps = [&self.vertices, &self.faces];
         let mut out = Vec::with_capacity(HEAD + self.bytes() as usize);

@@ -11,8 +11,8 @@ fn translation(numbering: &Numbering) -> Translation {
     Translation::of_file(Arc::new(numbering.clone()), Extension::None)
 }
 
-/// A surface whose file has its vertices in another order, some twice and some that no face uses; and of each vertex of the file the one of the
-/// surface, if it is one.
+/// A surface whose file has its vertices in another order, some twice and some that no face uses; and of each vertex of
+/// the file the one of the surface, if it is one.
 fn disturbed(seed: u64, shape: Shape, vertices: usize) -> (TriangleMesh, RawMesh, Vec<Option<u32>>) {
     let clean = generate(shape, vertices).unwrap();
     let mut random = chladni_base::SplitMix64::new(seed);

@@ -18,7 +18,8 @@ pub enum Extension {
     Nearest,
 }
 
-/// Why something given in the numbering of a file has no counterpart in the kept mesh. Vertices and faces are numbered as in the file.
+/// Why something given in the numbering of a file has no counterpart in the kept mesh. Vertices and faces are numbered
+/// as in the file.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum NumberingError {
     /// There is no such vertex.
@@ -102,7 +103,8 @@ pub enum NumberingError {
     },
 }
 
-/// The share of the largest value of a function by which its values at merged vertices may differ: what single precision does to equal numbers.
+/// The share of the largest value of a function by which its values at merged vertices may differ: what single
+/// precision does to equal numbers.
 const AGREEMENT: f64 = 1e-6;
 
 /// A type with a value that stands for none.
@@ -146,8 +148,8 @@ impl Translation {
         Self { turned: self.turned.map(|_| faces), ..self }
     }
 
-    /// How many faces the check turned over, as [`turning`](Self::turning) was told: their frames are others than in the file, though no number
-    /// changes.
+    /// How many faces the check turned over, as [`turning`](Self::turning) was told: their frames are others than in
+    /// the file, though no number changes.
     pub fn turned_faces(&self) -> usize {
         self.turned.unwrap_or(0)
     }
@@ -198,7 +200,8 @@ impl Translation {
         }
     }
 
-    /// The kept vertex that is meant, of the first `rows`. Where nothing is converted, an index out of range is left to who uses it.
+    /// The kept vertex that is meant, of the first `rows`. Where nothing is converted, an index out of range is left to
+    /// who uses it.
     ///
     /// # Errors
     /// [`NumberingError`] names the vertex.
@@ -257,8 +260,9 @@ impl Translation {
         self.of_faces().map_or(kept, |numbering| numbering.file_face(kept))
     }
 
-    /// A function on the vertices of the file as one on the first `rows` kept ones. Values at dropped vertices are left out, those at merged ones
-    /// must be equal; a vertex made by subdivision takes the mean of its ends, as the function is linear on the faces of the file.
+    /// A function on the vertices of the file as one on the first `rows` kept ones. Values at dropped vertices are left
+    /// out, those at merged ones must be equal; a vertex made by subdivision takes the mean of its ends, as the
+    /// function is linear on the faces of the file.
     ///
     /// Where nothing is converted, this is a copy: length and values are left to who uses them.
     ///
@@ -308,9 +312,10 @@ impl Translation {
         Ok(pulled)
     }
 
-    /// The adjoint of [`pull`](Self::pull): what a linear function of the numbers at kept vertices, `width` of each, is of those at the vertices of
-    /// the file. Merged vertices have equal shares of what the kept one has, dropped ones nothing, and the ends of an edge half each of what the
-    /// vertex has that subdivision made of it. So a gradient by kept positions becomes one by those of the file.
+    /// The adjoint of [`pull`](Self::pull): what a linear function of the numbers at kept vertices, `width` of each, is
+    /// of those at the vertices of the file. Merged vertices have equal shares of what the kept one has, dropped ones
+    /// nothing, and the ends of an edge half each of what the vertex has that subdivision made of it. So a gradient by
+    /// kept positions becomes one by those of the file.
     pub fn pull_adjoint(&self, values: &[f64], width: usize) -> Vec<f64> {
         let Some(numbering) = self.of_vertices() else { return values.to_vec() };
         let mut kept = values.to_vec();
@@ -339,8 +344,9 @@ impl Translation {
             .collect()
     }
 
-    /// The adjoint of [`push`](Self::push): what a linear function of the values at the vertices of the file is of those at the first `rows` kept
-    /// ones. What merged vertices count is added up; what dropped ones count is left out.
+    /// The adjoint of [`push`](Self::push): what a linear function of the values at the vertices of the file is of
+    /// those at the first `rows` kept ones. What merged vertices count is added up; what dropped ones count is left
+    /// out.
     ///
     /// # Errors
     /// [`NumberingError::Length`].
@@ -359,8 +365,8 @@ impl Translation {
         Ok(sums)
     }
 
-    /// A function on kept vertices, `width` numbers each, as one on the vertices of the file: merged ones have their common value, dropped ones
-    /// what [`Extension`] says.
+    /// A function on kept vertices, `width` numbers each, as one on the vertices of the file: merged ones have their
+    /// common value, dropped ones what [`Extension`] says.
     pub fn push<T: Missing>(&self, values: &[T], width: usize) -> Vec<T> {
         if let Some(width) = self.in_frames {
             return self.push_faces(values, width);
@@ -381,7 +387,8 @@ impl Translation {
         pushed
     }
 
-    /// A function on the faces of the file, `width` numbers each, as one on `faces` kept ones: all parts of a face take its value.
+    /// A function on the faces of the file, `width` numbers each, as one on `faces` kept ones: all parts of a face take
+    /// its value.
     ///
     /// Where nothing is converted, this is a copy.
     ///
@@ -404,8 +411,8 @@ impl Translation {
         Ok(pulled)
     }
 
-    /// A function on kept faces, `width` numbers each, as one on the faces of the file: a face of several parts has the value of the first,
-    /// dropped ones have none.
+    /// A function on kept faces, `width` numbers each, as one on the faces of the file: a face of several parts has the
+    /// value of the first, dropped ones have none.
     pub fn push_faces<T: Missing>(&self, values: &[T], width: usize) -> Vec<T> {
         let Some(numbering) = self.of_faces() else { return values.to_vec() };
         let mut pushed = vec![T::MISSING; width * numbering.file_faces()];

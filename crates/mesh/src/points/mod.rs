@@ -1,8 +1,9 @@
 //! Points without faces: a surface as scanners and Gaussian splats give it.
 //!
-//! Each point gets the triangles around it of the Delaunay triangulation of its neighbours, in the plane that fits them best. All of these
-//! together cover the surface three times, where neighbours agree, and are what a Laplacian on the points is made of (Sharp and Crane 2020,
-//! *A Laplacian for Nonmanifold Triangle Meshes*, section 5.7). A [`TriangleMesh`] of points has positions alone.
+//! Each point gets the triangles around it of the Delaunay triangulation of its neighbours, in the plane that fits them
+//! best. All of these together cover the surface three times, where neighbours agree, and are what a Laplacian on the
+//! points is made of (Sharp and Crane 2020, *A Laplacian for Nonmanifold Triangle Meshes*, section 5.7). A
+//! [`TriangleMesh`] of points has positions alone.
 
 mod plane;
 mod star;
@@ -24,8 +25,8 @@ pub const NEIGHBOURS: usize = 30;
 /// How often the triangles around all points cover the surface: a triangle belongs to each of its corners.
 pub const COVERS: f64 = 3.0;
 
-/// Where this share of the variance of a point's neighbours lies off their plane, they fill space: of a ball it is 1/3, of half a ball .13, along the
-/// edge of a cube less than .1.
+/// Where this share of the variance of a point's neighbours lies off their plane, they fill space: of a ball it is 1/3,
+/// of half a ball .13, along the edge of a cube less than .1.
 const OFF_PLANE: f64 = 0.2;
 
 /// Points that are triangulated between two checkpoints, and by one task.
@@ -37,11 +38,11 @@ pub fn are_points(mesh: &TriangleMesh) -> bool {
     mesh.faces.is_empty() && !mesh.positions.is_empty()
 }
 
-/// The points with the triangles around each of them, those of point 0 first; the first corner of a triangle is the point that it is around.
-/// Most triangles occur three times, in any orientation.
+/// The points with the triangles around each of them, those of point 0 first; the first corner of a triangle is the
+/// point that it is around. Most triangles occur three times, in any orientation.
 ///
-/// Neighbours are the [`NEIGHBOURS`] nearest, of equally distant ones those of the lowest number. The result does not depend on the number of
-/// threads. All coordinates must be finite.
+/// Neighbours are the [`NEIGHBOURS`] nearest, of equally distant ones those of the lowest number. The result does not
+/// depend on the number of threads. All coordinates must be finite.
 ///
 /// # Errors
 /// [`Cancelled`] when the monitor asks for it.
@@ -80,8 +81,9 @@ pub fn local_triangles(positions: &[[f64; 3]], monitor: &dyn Monitor) -> Result<
     Ok((TriangleMesh { positions: positions.to_vec(), faces, ..Default::default() }, scattered))
 }
 
-/// Triangles around points that were made already, for whoever needs them next: they take longer than anything else that a check does. They follow
-/// from the positions, so that meshes which differ in what is known are equal, and say nothing once positions have changed.
+/// Triangles around points that were made already, for whoever needs them next: they take longer than anything else
+/// that a check does. They follow from the positions, so that meshes which differ in what is known are equal, and say
+/// nothing once positions have changed.
 #[derive(Debug, Clone, Default)]
 pub struct Known(Option<(u64, Arc<Vec<[u32; 3]>>)>);
 
@@ -127,8 +129,8 @@ pub fn triangulated(points: &TriangleMesh, monitor: &dyn Monitor) -> Result<Tria
     }
 }
 
-/// The same triangles, each of them once: whom a point has beside it. All of them stay known as the local ones, each beside its copies, with corners by
-/// ascending number.
+/// The same triangles, each of them once: whom a point has beside it. All of them stay known as the local ones, each
+/// beside its copies, with corners by ascending number.
 pub fn once_each(local: &TriangleMesh) -> TriangleMesh {
     let mut faces: Vec<[u32; 3]> = local
         .faces

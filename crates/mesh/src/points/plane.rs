@@ -5,8 +5,9 @@ type Vector = [f64; 3];
 /// Sweeps after which rotations have converged: they do so quadratically.
 const SWEEPS: usize = 12;
 
-/// Two orthonormal vectors that span the plane through the centre of some vectors and the origin with the least squared distance from them
-/// (principal component analysis), and the share of that distance in all of the variance: 0 in a plane, 1/3 where it is as much in any direction.
+/// Two orthonormal vectors that span the plane through the centre of some vectors and the origin with the least squared
+/// distance from them (principal component analysis), and the share of that distance in all of the variance: 0 in a
+/// plane, 1/3 where it is as much in any direction.
 pub(super) fn fitted(vectors: &[Vector]) -> ([Vector; 2], f64) {
     let count = vectors.len() as f64 + 1.0;
     let mut centre = [0.0; 3];

@@ -1,18 +1,21 @@
 //! The triangles around a point in the Delaunay triangulation of its neighbours, in the plane that fits them.
 //!
-//! As in the programs of Sharp and Crane: neighbours are walked around by angle, and a triangle is taken where the circle through its corners
-//! holds no other neighbour, or hardly: where four lie on one circle, a triangle too many does less harm than one too few.
+//! As in the programs of Sharp and Crane: neighbours are walked around by angle, and a triangle is taken where the
+//! circle through its corners holds no other neighbour, or hardly: where four lie on one circle, a triangle too many
+//! does less harm than one too few.
 
 use super::tree::{Nearest, PointTree};
 use super::{NEIGHBOURS, plane};
 
-/// Neighbours nearer than this share of the distance of the farthest stand on the point, in the plane, and are moved away from it.
+/// Neighbours nearer than this share of the distance of the farthest stand on the point, in the plane, and are moved
+/// away from it.
 const TOO_NEAR: f64 = 1e-7;
 
 /// Neighbours whose directions differ by less than this angle in radians make no triangle.
 const SAME_DIRECTION: f64 = 1e-5;
 
-/// So deep, as a share of the distance of the farthest neighbour, another neighbour may lie inside the circle of a triangle.
+/// So deep, as a share of the distance of the farthest neighbour, another neighbour may lie inside the circle of a
+/// triangle.
 const INSIDE: f64 = 1e-4;
 
 /// A neighbour in the plane, seen from the point.
@@ -32,8 +35,8 @@ pub(super) struct Scratch {
 }
 
 impl Scratch {
-    /// Adds the triangles around a point to `found`, each with the point first. Returns the share of the variance of its neighbours that lies off
-    /// their plane.
+    /// Adds the triangles around a point to `found`, each with the point first. Returns the share of the variance of
+    /// its neighbours that lies off their plane.
     pub fn triangulate(
         &mut self,
         positions: &[[f64; 3]],
@@ -91,7 +94,8 @@ fn walk(point: u32, seen: &mut [Seen], found: &mut Vec<[u32; 3]>) {
     }
 }
 
-/// Moves neighbours away that stand on the point, in their direction if they have one, each a bit farther than the one before.
+/// Moves neighbours away that stand on the point, in their direction if they have one, each a bit farther than the one
+/// before.
 fn move_away(seen: &mut [Seen], extent: f64) {
     let count = seen.len() as f64;
     let far = (2.0 * TOO_NEAR * extent).powi(2);
@@ -115,8 +119,8 @@ fn move_away(seen: &mut [Seen], extent: f64) {
     }
 }
 
-/// Where the walk begins among neighbours by angle, and whether it is open: behind a gap of 180 degrees, if there is one, for the point is then
-/// at the rim; else at the nearest neighbour, which is certainly beside the point.
+/// Where the walk begins among neighbours by angle, and whether it is open: behind a gap of 180 degrees, if there is
+/// one, for the point is then at the rim; else at the nearest neighbour, which is certainly beside the point.
 fn begin(seen: &[Seen]) -> (usize, bool) {
     let count = seen.len();
     let gap = |k: usize| match k {
@@ -132,8 +136,9 @@ fn begin(seen: &[Seen]) -> (usize, bool) {
     (nearest, false)
 }
 
-/// Whether the circle through the point and two neighbours, the second counter-clockwise of the first, holds no other neighbour, or hardly. The one
-/// that it was found to hold is asked first the next time: it is inside of most circles that are not empty.
+/// Whether the circle through the point and two neighbours, the second counter-clockwise of the first, holds no other
+/// neighbour, or hardly. The one that it was found to hold is asked first the next time: it is inside of most circles
+/// that are not empty.
 fn is_empty(seen: &[Seen], a: [f64; 2], b: [f64; 2], extent: f64, inside: &mut usize) -> bool {
     let (aa, bb) = (a[0] * a[0] + a[1] * a[1], b[0] * b[0] + b[1] * b[1]);
     let cross = a[0] * b[1] - a[1] * b[0];

@@ -17,7 +17,8 @@ struct Split {
     at: f64,
 }
 
-/// A balanced k-d tree (Bentley 1975): each node halves its points along the longest side of their box. Takes about 36 bytes a point.
+/// A balanced k-d tree (Bentley 1975): each node halves its points along the longest side of their box. Takes about 36
+/// bytes a point.
 #[derive(Debug, Clone)]
 pub struct PointTree {
     /// The points, leaf by leaf.
@@ -58,8 +59,8 @@ pub struct Nearest {
 }
 
 impl Nearest {
-    /// Squared distances and points, nearest first; of equally distant ones the lowest first. Where more points than are wanted stand on the place
-    /// itself, they are any of those, always the same ones.
+    /// Squared distances and points, nearest first; of equally distant ones the lowest first. Where more points than
+    /// are wanted stand on the place itself, they are any of those, always the same ones.
     pub fn found(&self) -> &[(f64, u32)] {
         &self.found
     }
@@ -125,8 +126,8 @@ impl PointTree {
         }
     }
 
-    /// The same where `nearest` still has those of another place, not far away: none of the wanted ones is farther than the farthest of these and the
-    /// way there. Known beforehand, that saves keeping the nearest so far in order.
+    /// The same where `nearest` still has those of another place, not far away: none of the wanted ones is farther than
+    /// the farthest of these and the way there. Known beforehand, that saves keeping the nearest so far in order.
     pub fn nearest_after(&self, place: [f64; 3], except: Option<u32>, most: usize, nearest: &mut Nearest) {
         let square = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>();
         let (farthest, way) = (nearest.farthest().sqrt(), square(place, nearest.place).sqrt());
@@ -199,7 +200,8 @@ impl PointTree {
         beyond: [f64; 3],
         nearest: &mut Nearest,
     ) {
-        // Among many copies of a point nothing would end the search, as no part of the tree is farther away than those found.
+        // Among many copies of a point nothing would end the search, as no part of the tree is farther away than those
+        // found.
         if nearest.is_settled() {
             return;
         }

@@ -14,7 +14,8 @@ fn wrong(format: MeshFormat, reason: impl Into<String>) -> ReadError {
     ReadError::Arrays { format, reason: reason.into() }
 }
 
-/// Ends a mesh. Members come in any order, so that indices are looked at last; polygons are cut only once they are known to be in range.
+/// Ends a mesh. Members come in any order, so that indices are looked at last; polygons are cut only once they are
+/// known to be in range.
 fn finish(builder: Builder, format: MeshFormat) -> Result<RawMesh, ReadError> {
     let vertices = builder.mesh.positions.len();
     let stray = |corners: &[u32]| corners.iter().copied().find(|&v| v as usize >= vertices);

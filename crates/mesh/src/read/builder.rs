@@ -154,7 +154,8 @@ impl<'l> Builder<'l> {
         Ok(())
     }
 
-    /// An index of a format that counts from one. Vertices may follow later; [`finish`](Self::finish) checks that they did.
+    /// An index of a format that counts from one. Vertices may follow later; [`finish`](Self::finish) checks that they
+    /// did.
     pub fn one_based_index(
         &mut self,
         index: i64,
@@ -185,8 +186,9 @@ impl<'l> Builder<'l> {
         self.finish_with(None)
     }
 
-    /// The same; for each corner of each triangle its number among the corners of all polygons in the order of the file, those that were left out
-    /// included. There are fewer than 2³² of them, and no triangles but those of polygons.
+    /// The same; for each corner of each triangle its number among the corners of all polygons in the order of the
+    /// file, those that were left out included. There are fewer than 2³² of them, and no triangles but those of
+    /// polygons.
     pub fn finish_cornered(self) -> Result<(RawMesh, Vec<[u32; 3]>), ReadError> {
         let mut corners = corners(self.mesh.faces.len(), &self.fans, &self.left_out, &self.short);
         let mesh = self.finish_with(Some(&mut corners))?;

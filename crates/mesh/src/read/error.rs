@@ -20,8 +20,8 @@ impl std::fmt::Display for Place {
     }
 }
 
-/// Why a file was refused. Elements (`number`) are counted from zero in the order of the file; indices stand as the file
-/// writes them, so from one in OBJ and MEDIT.
+/// Why a file was refused. Elements (`number`) are counted from zero in the order of the file; indices stand as the
+/// file writes them, so from one in OBJ and MEDIT.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ReadError {
     /// No bytes, or blanks only.

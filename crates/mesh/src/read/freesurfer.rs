@@ -7,8 +7,8 @@ use super::{MeshFormat, RawMesh, ReadLimits};
 /// The first bytes of a triangle surface. Those of quadrilaterals end in other bytes, and are not read.
 pub(super) const MAGIC: &[u8] = b"\xff\xff\xfe";
 
-/// Reads a surface: the magic number, two lines of text, the numbers of vertices and faces, positions in single precision, corners; all numbers have
-/// their highest byte first. What follows, the volume's geometry, is passed over.
+/// Reads a surface: the magic number, two lines of text, the numbers of vertices and faces, positions in single
+/// precision, corners; all numbers have their highest byte first. What follows, the volume's geometry, is passed over.
 pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
     let wrong =
         |at: usize, reason| ReadError::Header { format: MeshFormat::FreeSurfer, place: Place::Byte(at), reason };

@@ -1,6 +1,7 @@
 //! GIFTI surfaces (`.surf.gii`): XML with arrays as text, base64, or base64 of a compressed stream.
 //!
-//! The first array of points and the first of triangles are read as they are stored; matrices that lead to other coordinate systems are not applied.
+//! The first array of points and the first of triangles are read as they are stored; matrices that lead to other
+//! coordinate systems are not applied.
 
 use std::io::Read;
 

@@ -1,7 +1,8 @@
 //! glTF 2.0: binary (GLB), or JSON with its buffers inside.
 //!
-//! All triangles of the nodes of the default scene, in its coordinates; of all nodes where none is named. Points are read as points; lines, skins, morph
-//! targets and animations are passed over, and so is whatever a surface is coloured with.
+//! All triangles of the nodes of the default scene, in its coordinates; of all nodes where none is named. Points are
+//! read as points; lines, skins, morph targets and animations are passed over, and so is whatever a surface is coloured
+//! with.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -16,8 +17,8 @@ use super::{MeshFormat, RawMesh, ReadLimits};
 /// The first bytes of a binary file.
 pub(super) const MAGIC: &[u8] = b"glTF";
 
-/// A mesh may stand at many nodes, and accessors may share bytes; so many vertices and triangles may come of a file beside those that its size lets
-/// expect.
+/// A mesh may stand at many nodes, and accessors may share bytes; so many vertices and triangles may come of a file
+/// beside those that its size lets expect.
 const SHARED: usize = 1 << 16;
 
 /// The most objects of the JSON: each takes up to fifty times as much memory as text.
@@ -113,7 +114,8 @@ struct Buffer {
 /// Extensions that change nothing about where triangles are; files that require others are refused.
 const HARMLESS: [&str; 3] = ["KHR_materials_", "KHR_texture_", "KHR_lights_"];
 
-/// Reads the triangles of the default scene's nodes. Vertices of different primitives are different ones, as the format has it.
+/// Reads the triangles of the default scene's nodes. Vertices of different primitives are different ones, as the format
+/// has it.
 pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
     let (json, binary) = if bytes.starts_with(MAGIC) { chunks(bytes)? } else { (bytes, None) };
     let objects = json.iter().filter(|&&byte| byte == b'{').count();

@@ -49,8 +49,8 @@ impl Matrix {
     }
 }
 
-/// The mesh of each node of the default scene that has one, and where it stands, parents before children. All nodes count where no scene is the default
-/// one, and all meshes, as they are, where there are no nodes.
+/// The mesh of each node of the default scene that has one, and where it stands, parents before children. All nodes
+/// count where no scene is the default one, and all meshes, as they are, where there are no nodes.
 ///
 /// # Errors
 /// [`ReadError::Arrays`] names a node that is a child twice, or of itself, or a scene that is none.

@@ -5,8 +5,8 @@ use super::error::{Place, ReadError, shorten};
 use super::gmsh_source::{Source, Whole};
 use super::{MeshFormat, RawMesh, ReadLimits};
 
-/// Reads nodes, and of the elements triangles, quadrilaterals and tetrahedra; points and lines are passed over. Of elements of higher order the
-/// corners are taken. Nodes keep the order of the file; their tags may be any numbers.
+/// Reads nodes, and of the elements triangles, quadrilaterals and tetrahedra; points and lines are passed over. Of
+/// elements of higher order the corners are taken. Nodes keep the order of the file; their tags may be any numbers.
 pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
     let mut source = Source::new(bytes);
     let mut builder = Builder::new(limits);
@@ -78,8 +78,8 @@ fn end(source: &mut Source) -> Result<(), ReadError> {
     }
 }
 
-/// The numbers of blocks and of what is in them, before the first of them. Version 2 has neither blocks nor, where numbers are bytes, a count in
-/// bytes.
+/// The numbers of blocks and of what is in them, before the first of them. Version 2 has neither blocks nor, where
+/// numbers are bytes, a count in bytes.
 fn begin(
     source: &mut Source,
     version: Version,
@@ -273,7 +273,8 @@ fn read_elements(source: &mut Source, builder: &mut Builder, version: Version, n
     end(source)
 }
 
-/// What is said once of several elements: their type and how many other tags each has, where their own lines do not say so.
+/// What is said once of several elements: their type and how many other tags each has, where their own lines do not say
+/// so.
 struct Head {
     kind: Option<i64>,
     tags: Option<u64>,

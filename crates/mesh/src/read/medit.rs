@@ -5,8 +5,8 @@ use super::error::{ReadError, shorten};
 use super::text::Text;
 use super::{MeshFormat, RawMesh, ReadLimits};
 
-/// Reads `Vertices`, `Triangles`, `Quadrilaterals` and `Tetrahedra`; other sections and all references are passed over. In
-/// dimension 2 the third coordinate is zero. Sections may come in any order, each of the four once.
+/// Reads `Vertices`, `Triangles`, `Quadrilaterals` and `Tetrahedra`; other sections and all references are passed over.
+/// In dimension 2 the third coordinate is zero. Sections may come in any order, each of the four once.
 pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
     let mut text = Text::new(bytes);
     let mut builder = Builder::new(limits);

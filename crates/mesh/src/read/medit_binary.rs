@@ -1,4 +1,5 @@
-//! MEDIT `.meshb` files: the sections of [`medit`](super::medit) as bytes, each with the place of the next (GMF, Maréchal's libMeshb).
+//! MEDIT `.meshb` files: the sections of [`medit`](super::medit) as bytes, each with the place of the next (GMF,
+//! Maréchal's libMeshb).
 
 use super::builder::Builder;
 use super::error::{Place, ReadError};
@@ -17,7 +18,8 @@ pub(super) fn is_binary(bytes: &[u8]) -> bool {
     bytes.starts_with(&[1, 0, 0, 0]) || bytes.starts_with(&[0, 0, 0, 1])
 }
 
-/// Reads the same sections as the text is read for; all others, and all references, are passed over. Versions 1 to 4, either order of bytes.
+/// Reads the same sections as the text is read for; all others, and all references, are passed over. Versions 1 to 4,
+/// either order of bytes.
 pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
     let mut source = Source { bytes, at: 4, big_endian: bytes.starts_with(&[0, 0, 0, 1]), version: 1 };
     source.version = match source.integer(4)? {
@@ -69,7 +71,9 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
         }
         source.at = match usize::try_from(next) {
             Ok(next) if next >= source.at && next <= bytes.len() => next,
-            _ => return Err(wrong(start, "the next section would begin within this one, or behind the end of the file")),
+            _ => {
+                return Err(wrong(start, "the next section would begin within this one, or behind the end of the file"));
+            }
         };
     }
     builder.finish()

@@ -54,8 +54,8 @@ pub struct RawMesh {
     pub positions: Vec<[f64; 3]>,
     /// Triangles; polygons and strips have been triangulated. A face may repeat a vertex.
     pub faces: Vec<[u32; 3]>,
-    /// Which face of the file each triangle is or is a part of, where a polygon of more than three corners was triangulated or a face left out;
-    /// `None` where triangles and faces are the same.
+    /// Which face of the file each triangle is or is a part of, where a polygon of more than three corners was
+    /// triangulated or a face left out; `None` where triangles and faces are the same.
     pub polygons: Option<Polygons>,
     /// Tetrahedra, for the formats that have them.
     pub tetrahedra: Vec<[u32; 4]>,
@@ -295,7 +295,8 @@ pub struct ReadLimits {
     pub tetrahedra: usize,
     /// Corners of one polygon. A fan of more makes one vertex the neighbour of all others, which nothing later can use.
     pub corners_per_polygon: usize,
-    /// Groups and objects of an OBJ, solids of an ASCII STL, elements and properties of a PLY, sections of a MEDIT file.
+    /// Groups and objects of an OBJ, solids of an ASCII STL, elements and properties of a PLY, sections of a MEDIT
+    /// file.
     pub groups: usize,
 }
 

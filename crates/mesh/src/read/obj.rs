@@ -1,5 +1,5 @@
-//! Wavefront OBJ: the `v` and `f` lines, and what is kept beside them ([`Found`]). Everything else (smoothing, curves) is passed over; no other
-//! file is ever opened. `docs/decisions/0002-obj-reader.md` says why this is not tobj.
+//! Wavefront OBJ: the `v` and `f` lines, and what is kept beside them ([`Found`]). Everything else (smoothing, curves)
+//! is passed over; no other file is ever opened. `docs/decisions/0002-obj-reader.md` says why this is not tobj.
 
 use super::builder::Builder;
 use super::error::ReadError;
@@ -7,9 +7,9 @@ use super::obj_attributes::Found;
 use super::text::Text;
 use super::{MeshFormat, RawMesh, ReadLimits};
 
-/// Reads an OBJ file. Vertices are the `v` lines in their order, whatever texture or normal indices say; faces may refer to vertices that follow; `w`
-/// and colours after the coordinates are ignored. Texture coordinates, normals and names of groups, objects and materials are the attributes of the
-/// mesh.
+/// Reads an OBJ file. Vertices are the `v` lines in their order, whatever texture or normal indices say; faces may
+/// refer to vertices that follow; `w` and colours after the coordinates are ignored. Texture coordinates, normals and
+/// names of groups, objects and materials are the attributes of the mesh.
 pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
     let mut text = Text::new(bytes);
     let mut builder = Builder::new(limits);

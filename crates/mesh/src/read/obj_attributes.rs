@@ -1,5 +1,5 @@
-//! What an OBJ says beside positions and faces. None of it is needed to solve anything, so nothing here refuses a file: a texture coordinate that
-//! is no number, or a corner that names none of the file's, is left out and counted.
+//! What an OBJ says beside positions and faces. None of it is needed to solve anything, so nothing here refuses a file:
+//! a texture coordinate that is no number, or a corner that names none of the file's, is left out and counted.
 
 use std::collections::HashMap;
 
@@ -60,7 +60,8 @@ impl<const N: usize> Named<N> {
         self.corners.push(index);
     }
 
-    /// The layer of these triangles, whose corners are told by their numbers in the file; and how many corners name what is not there.
+    /// The layer of these triangles, whose corners are told by their numbers in the file; and how many corners name
+    /// what is not there.
     fn layer(self, triangles: &[[u32; 3]]) -> (Option<Layer<N>>, usize) {
         let Self { values, mut corners, .. } = self;
         let mut missing = 0;
@@ -186,7 +187,8 @@ impl Found {
         self.corners <= MISSING as usize && !(self.texture.corners.is_empty() && self.normals.corners.is_empty())
     }
 
-    /// All that is of use. `triangles` are those of the mesh, by the numbers of their corners in the file; empty where corners name nothing.
+    /// All that is of use. `triangles` are those of the mesh, by the numbers of their corners in the file; empty where
+    /// corners name nothing.
     pub fn finish(self, mesh: &RawMesh, triangles: &[[u32; 3]]) -> Option<Box<RawAttributes>> {
         let (texture, missing) = self.texture.layer(triangles);
         let (normals, more) = self.normals.layer(triangles);

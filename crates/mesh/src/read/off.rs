@@ -15,7 +15,8 @@ pub(super) struct Variant {
 }
 
 impl Variant {
-    /// Reads the keyword, if it is one. Texture coordinates, colours and normals follow the position, so they need no flag.
+    /// Reads the keyword, if it is one. Texture coordinates, colours and normals follow the position, so they need no
+    /// flag.
     pub fn from_keyword(word: &[u8]) -> Option<Self> {
         let rest = word.strip_prefix(b"ST").unwrap_or(word);
         let rest = rest.strip_prefix(b"C").unwrap_or(rest);

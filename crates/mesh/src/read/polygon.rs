@@ -9,8 +9,8 @@ const MOST_CORNERS: usize = 2048;
 const MOST_TESTS: usize = 20_000_000;
 
 /// Replaces fans of non-convex polygons by better triangles, in place. Every polygon of `n` corners keeps its `n − 2`
-/// triangles and its orientation. Polygons with non-finite corners keep their fans. What each corner of each triangle is called goes with it
-/// in `names`, where there are any.
+/// triangles and its orientation. Polygons with non-finite corners keep their fans. What each corner of each triangle
+/// is called goes with it in `names`, where there are any.
 pub(super) fn triangulate(
     positions: &[[f64; 3]],
     faces: &mut [[u32; 3]],
@@ -44,8 +44,8 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Keeps the diagonal from the first corner unless its triangles look away from each other (or one has no area) and those
-/// of the other diagonal do not.
+/// Keeps the diagonal from the first corner unless its triangles look away from each other (or one has no area) and
+/// those of the other diagonal do not.
 fn split_quadrilateral(positions: &[[f64; 3]], faces: &mut [[u32; 3]], names: Option<&mut [[u32; 3]]>) {
     let [[a, b, c], [_, _, d]] = *faces else { return };
     let agreement = |first: [u32; 3], second: [u32; 3]| {

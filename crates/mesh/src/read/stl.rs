@@ -38,8 +38,9 @@ fn is_ascii(bytes: &[u8]) -> bool {
         || [b"facet".as_slice(), b"endsolid"].iter().any(|word| probe.windows(word.len()).any(|part| part == *word))
 }
 
-/// Reads an STL file: three vertices for each facet, so that `splits_vertices` is set. Normals and attributes are ignored.
-/// Whether a file is binary is told by its length and its bytes, since binary files may begin with `solid` too.
+/// Reads an STL file: three vertices for each facet, so that `splits_vertices` is set. Normals and attributes are
+/// ignored. Whether a file is binary is told by its length and its bytes, since binary files may begin with `solid`
+/// too.
 pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
     let mut mesh = if is_ascii(bytes) { read_ascii(bytes, limits)? } else { read_binary(bytes, limits)? };
     mesh.splits_vertices = true;

@@ -122,8 +122,8 @@ impl<'a> Text<'a> {
         self.integer_of(token, expected)
     }
 
-    /// The integer before the first slash of the word that begins here, and what follows it: in a corner `7/1/3` of an OBJ face the position 7, and
-    /// `1/3`.
+    /// The integer before the first slash of the word that begins here, and what follows it: in a corner `7/1/3` of an
+    /// OBJ face the position 7, and `1/3`.
     pub fn integer_before_slash(&mut self, expected: &'static str) -> Result<(i64, &'a [u8]), ReadError> {
         let token = self.token();
         let end = token.iter().position(|&byte| byte == b'/').unwrap_or(token.len());

@@ -5,8 +5,8 @@ use super::error::{Place, ReadError, shorten};
 use super::text::Text;
 use super::{MeshFormat, RawMesh, ReadLimits};
 
-/// Reads the points, and of the cells triangles, strips, polygons, pixels, quadrilaterals and tetrahedra; points and lines are passed over. Of cells
-/// of higher order the corners are taken. Data on points and cells are not read.
+/// Reads the points, and of the cells triangles, strips, polygons, pixels, quadrilaterals and tetrahedra; points and
+/// lines are passed over. Of cells of higher order the corners are taken. Data on points and cells are not read.
 pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
     let mut file = File::new(bytes)?;
     let mut builder = Builder::new(limits);

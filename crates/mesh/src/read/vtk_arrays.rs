@@ -1,5 +1,5 @@
-//! The arrays of VTK's XML files: as text, as base64 in their elements, or behind all elements, as base64 or as they are; in blocks of zlib or not.
-//! <https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html>
+//! The arrays of VTK's XML files: as text, as base64 in their elements, or behind all elements, as base64 or as they
+//! are; in blocks of zlib or not. <https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html>
 
 use std::io::{self, Cursor, ErrorKind, Read};
 
@@ -11,7 +11,8 @@ use roxmltree::Node;
 use super::MeshFormat;
 use super::error::{Place, ReadError, shorten};
 
-/// Compressed arrays of positions, corners and ends unfold to at most so many times the bytes that are there; real ones do to less than eleven times.
+/// Compressed arrays of positions, corners and ends unfold to at most so many times the bytes that are there; real ones
+/// do to less than eleven times.
 const UNFOLDED: usize = 24;
 
 /// What a file says of all of its arrays.
@@ -286,7 +287,8 @@ impl Read for Blocks<'_> {
     }
 }
 
-/// What base64 stands for, piece after piece; each piece may end with signs for what is missing of three bytes, as sizes do that are written by themselves.
+/// What base64 stands for, piece after piece; each piece may end with signs for what is missing of three bytes, as
+/// sizes do that are written by themselves.
 struct Decoded<'a> {
     text: &'a [u8],
     bytes: Cursor<Vec<u8>>,

@@ -20,8 +20,8 @@ pub(super) fn is_xml(bytes: &[u8]) -> bool {
     !head.starts_with(vtk::SIGNATURE) && head.windows(8).any(|window| window == b"<VTKFile")
 }
 
-/// Reads the points, and the cells that a legacy file would be read of. Vertices and lines of polygonal data are passed over, as are data on points and
-/// cells.
+/// Reads the points, and the cells that a legacy file would be read of. Vertices and lines of polygonal data are passed
+/// over, as are data on points and cells.
 pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
     let (text, appended) = apart(bytes)?;
     let document = xml::parse(&text, MeshFormat::Vtk)?;

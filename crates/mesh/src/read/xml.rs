@@ -5,8 +5,9 @@ use roxmltree::{Document, ParsingOptions};
 use super::MeshFormat;
 use super::error::{ReadError, cut};
 
-/// The most elements, comments and the like of a text, and the most attributes: the parser makes room for as many as there are `<` and `=` before it
-/// looks at any, and compares each attribute with all others of its element. A surface has some hundreds.
+/// The most elements, comments and the like of a text, and the most attributes: the parser makes room for as many as
+/// there are `<` and `=` before it looks at any, and compares each attribute with all others of its element. A surface
+/// has some hundreds.
 pub(super) const MOST_TAGS: usize = 1 << 16;
 pub(super) const MOST_ATTRIBUTES: usize = 1 << 14;
 
@@ -22,7 +23,8 @@ pub(super) fn parse(text: &str, format: MeshFormat) -> Result<Document<'_>, Read
 /// Refuses what a parser would take far more memory or time for than its length tells.
 fn bounded(text: &str, format: MeshFormat) -> Result<(), ReadError> {
     let refuse = |reason: String| ReadError::Arrays { format, reason };
-    // What an entity stands for is copied, or parsed, wherever it is referred to. Files of these formats declare none of their own.
+    // What an entity stands for is copied, or parsed, wherever it is referred to. Files of these formats declare none
+    // of their own.
     if text.contains("<!ENTITY") {
         return Err(refuse("it declares entities, which are not read".to_owned()));
     }

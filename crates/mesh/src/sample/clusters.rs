@@ -60,8 +60,8 @@ impl Clusters {
         Ok(Some(Self { of, centres, masses: sums.iter().map(|s| s.1).collect(), graph }))
     }
 
-    /// Farthest points among the clusters, evened out by Lloyd's moves, then put on the vertices nearest the centres of mass of
-    /// the cells.
+    /// Farthest points among the clusters, evened out by Lloyd's moves, then put on the vertices nearest the centres of
+    /// mass of the cells.
     pub fn well_spread(
         &self,
         mesh: &TriangleMesh,
@@ -89,7 +89,8 @@ impl Clusters {
         Ok(nearest(mesh, |v| cells[self.of[v] as usize], &goals))
     }
 
-    /// Adds vertices to `samples`, in the middle of clusters as far as possible from all samples, until there are `count`.
+    /// Adds vertices to `samples`, in the middle of clusters as far as possible from all samples, until there are
+    /// `count`.
     pub fn extend(
         &self,
         mesh: &TriangleMesh,
@@ -131,8 +132,8 @@ fn nearest(mesh: &TriangleMesh, group: impl Fn(usize) -> u32, goals: &[[f64; 3]]
     best.into_iter().map(|(_, v)| v).collect()
 }
 
-/// Grows clusters from vertices that are drawn with a probability of `per_mass` times their mass, ring after ring; whatever they
-/// don't reach grows from its first vertex. The cluster of each vertex and the number of clusters.
+/// Grows clusters from vertices that are drawn with a probability of `per_mass` times their mass, ring after ring;
+/// whatever they don't reach grows from its first vertex. The cluster of each vertex and the number of clusters.
 fn grow(
     connectivity: &Connectivity,
     masses: &[f64],

@@ -13,9 +13,9 @@ const BLOCK: usize = 256;
 /// How many vertices are settled between two checkpoints.
 const CHECK_EVERY: usize = 1 << 14;
 
-/// `count` vertices, or all if there are fewer, each as far as possible along edges from those before it; the first is drawn by
-/// `seed`. Components without a sample come before everything else, so that each has one as soon as there are as many samples
-/// as components.
+/// `count` vertices, or all if there are fewer, each as far as possible along edges from those before it; the first is
+/// drawn by `seed`. Components without a sample come before everything else, so that each has one as soon as there are
+/// as many samples as components.
 ///
 /// # Errors
 /// [`Cancelled`] when the monitor asks for it.
@@ -33,8 +33,8 @@ pub fn farthest_points(
     extend_farthest_points(connectivity, samples, count, monitor)
 }
 
-/// Adds vertices to `samples`, each as far as possible from those before it, until there are `count` or all. Samples that repeat
-/// or are no vertices are dropped.
+/// Adds vertices to `samples`, each as far as possible from those before it, until there are `count` or all. Samples
+/// that repeat or are no vertices are dropped.
 ///
 /// # Errors
 /// [`Cancelled`] when the monitor asks for it.
@@ -67,7 +67,8 @@ pub(super) struct Front<'a> {
     connectivity: &'a Connectivity,
     lengths: Vec<f32>,
     distances: Vec<f32>,
-    /// For each block of vertices a number that no distance in it exceeds. Distances only shrink, so an old bound stays true.
+    /// For each block of vertices a number that no distance in it exceeds. Distances only shrink, so an old bound stays
+    /// true.
     bounds: Vec<f32>,
     queue: Queue,
     steps: usize,

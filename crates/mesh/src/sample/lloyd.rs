@@ -61,9 +61,9 @@ fn cells(
     Ok(cells)
 }
 
-/// Moves each sample to the vertex of its cell that is nearest to the cell's centre of mass, `moves` times. The number of samples,
-/// their order, and which component each lies on do not change. `positions` and `masses` have `n` entries; masses may be
-/// [`vertex_areas`](crate::measure::vertex_areas).
+/// Moves each sample to the vertex of its cell that is nearest to the cell's centre of mass, `moves` times. The number
+/// of samples, their order, and which component each lies on do not change. `positions` and `masses` have `n` entries;
+/// masses may be [`vertex_areas`](crate::measure::vertex_areas).
 ///
 /// # Errors
 /// [`Cancelled`] when the monitor asks for it.

@@ -16,8 +16,8 @@ pub use poisson::poisson_disk;
 use super::TriangleMesh;
 use super::connectivity::Connectivity;
 
-/// `count` vertices, or all if there are fewer: farthest points evened out by Lloyd's `moves`, in spatial order. `masses` has `n`
-/// entries, such as [`vertex_areas`](super::measure::vertex_areas).
+/// `count` vertices, or all if there are fewer: farthest points evened out by Lloyd's `moves`, in spatial order.
+/// `masses` has `n` entries, such as [`vertex_areas`](super::measure::vertex_areas).
 ///
 /// A mesh of many vertices for each sample is first gathered into clusters, which are spread in place of vertices.
 ///

@@ -6,15 +6,16 @@ use chladni_base::parallel::*;
 
 use crate::TriangleMesh;
 
-/// Sorts samples along a Z-order curve through their positions (Morton 1966). Work that goes from sample to sample then finds
-/// what it needs in the cache, and the matrices of a subspace gather near their diagonals. Samples that are no vertices go last.
+/// Sorts samples along a Z-order curve through their positions (Morton 1966). Work that goes from sample to sample then
+/// finds what it needs in the cache, and the matrices of a subspace gather near their diagonals. Samples that are no
+/// vertices go last.
 pub fn sort_spatially(mesh: &TriangleMesh, samples: &mut [u32]) {
     let code = codes(&mesh.positions, samples);
     samples.sort_by_cached_key(|&v| (code(v), v));
 }
 
-/// Sorts points in the same way; those on one place of the curve by their coordinates, so that the order follows from the positions alone as long as
-/// they differ.
+/// Sorts points in the same way; those on one place of the curve by their coordinates, so that the order follows from
+/// the positions alone as long as they differ.
 pub fn spatial_order(positions: &[[f64; 3]], points: &mut [u32]) {
     let code = codes(positions, points);
     let mut keyed: Vec<(u64, u32)> = points.par_iter().map(|&point| (code(point), point)).collect();

@@ -24,9 +24,9 @@ const ENOUGH: f64 = 0.96;
 /// Radii that are tried at most.
 const ROUNDS: usize = 16;
 
-/// `count` vertices, or all if there are fewer, no two of them closer in space than a radius that is found so that at most 4 %
-/// are left to be filled in. Those go where samples along edges are farthest, so that thin parts and small components,
-/// which straight-line disks pass over, get theirs.
+/// `count` vertices, or all if there are fewer, no two of them closer in space than a radius that is found so that at
+/// most 4 % are left to be filled in. Those go where samples along edges are farthest, so that thin parts and small
+/// components, which straight-line disks pass over, get theirs.
 ///
 /// # Errors
 /// [`Cancelled`] when the monitor asks for it.
@@ -81,7 +81,8 @@ pub fn poisson_disk(
     }
 }
 
-/// Draws vertices with a probability of `per_area` times their area: all where the mesh is coarse, few where it is fine.
+/// Draws vertices with a probability of `per_area` times their area: all where the mesh is coarse, few where it is
+/// fine.
 fn pool(areas: &[f64], per_area: f64, random: &mut SplitMix64) -> Vec<u32> {
     let drawn = |&v: &u32| random.unit() < areas[v as usize] * per_area;
     (0..areas.len() as u32).filter(drawn).collect()
@@ -139,8 +140,8 @@ impl Grid {
             let p = mesh.positions[v as usize];
             (0..3).for_each(|k| corner[k] = corner[k].min(p[k]));
         }
-        // 21 bits for each axis: a finer grid than that saturates, which costs time but keeps every answer right, because
-        // saturated cells are still next to those they touch.
+        // 21 bits for each axis: a finer grid than that saturates, which costs time but keeps every answer right,
+        // because saturated cells are still next to those they touch.
         const LIMIT: f64 = ((1u64 << 21) - 2) as f64;
         let mut keyed: Vec<(u64, u32)> = pool
             .iter()

@@ -20,11 +20,12 @@ const ATTEMPTS: u32 = 24;
 /// Shifts between attempts, as fractions of a cell, that fill the unit interval evenly.
 const GOLDEN_SHIFT: f64 = 0.618_033_988_749_895;
 
-/// A surface of genus `genus ≥ 1` with about `vertices` vertices, or `None` where so few give no manifold of that genus.
+/// A surface of genus `genus ≥ 1` with about `vertices` vertices, or `None` where so few give no manifold of that
+/// genus.
 pub(super) fn chain(genus: u32, vertices: usize) -> Option<TriangleMesh> {
     let rings = Rings { count: genus };
-    // The number of vertices follows the cell size as 1/h², but for noise of some percent on coarse grids. Coarse attempts find
-    // the constant; more of them, each on a grid shifted otherwise, come near the number.
+    // The number of vertices follows the cell size as 1/h², but for noise of some percent on coarse grids. Coarse
+    // attempts find the constant; more of them, each on a grid shifted otherwise, come near the number.
     let coarse = vertices.min(20_000.max(1000 * genus as usize));
     let mut constant = f64::from(genus) * AREA * VERTICES_PER_CELL;
     let mut goal = coarse;
@@ -167,7 +168,8 @@ struct BlockCells {
     block: usize,
     cells: Vec<u16>,
     positions: Vec<[f64; 3]>,
-    /// Edges that begin at the lower corner of a cell of the block and cross the surface: cell, axis, whether it leaves the solid.
+    /// Edges that begin at the lower corner of a cell of the block and cross the surface: cell, axis, whether it leaves
+    /// the solid.
     crossings: Vec<([u16; 3], u8, bool)>,
 }
 

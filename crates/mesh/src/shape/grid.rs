@@ -4,8 +4,8 @@ use super::{KNOT_TUBE_RADIUS, TORUS_MAJOR_RADIUS, TORUS_MINOR_RADIUS};
 use crate::TriangleMesh;
 use std::f64::consts::TAU;
 
-/// Points of a closed curve at equal steps, each with two unit vectors that span the plane across it. The angle around the tube
-/// runs from the first to the second, and `first × tangent = second`.
+/// Points of a closed curve at equal steps, each with two unit vectors that span the plane across it. The angle around
+/// the tube runs from the first to the second, and `first × tangent = second`.
 struct Frame {
     centre: [f64; 3],
     first: [f64; 3],
@@ -28,8 +28,8 @@ pub(super) fn knot(vertices: usize) -> TriangleMesh {
     tube(&curve.frames(2 * columns), rows, KNOT_TUBE_RADIUS)
 }
 
-/// Rows (an even number) around a tube and columns along it, for triangles as equilateral as whole numbers allow and a product
-/// as near to `vertices` as a change of two rows can bring it.
+/// Rows (an even number) around a tube and columns along it, for triangles as equilateral as whole numbers allow and a
+/// product as near to `vertices` as a change of two rows can bring it.
 fn pattern(along: f64, around: f64, vertices: usize) -> (usize, usize) {
     let side = (along * around * 2.0 / (3f64.sqrt() * vertices as f64)).sqrt();
     let ideal = ((around / (side * 3f64.sqrt())).round() as usize).max(2);
@@ -94,8 +94,8 @@ impl Curve {
         self.lengths[self.lengths.len() - 1]
     }
 
-    /// Frames at `count` equal steps of arc length. The angle by which a frame that does not turn misses itself after one round
-    /// is spread over the whole curve.
+    /// Frames at `count` equal steps of arc length. The angle by which a frame that does not turn misses itself after
+    /// one round is spread over the whole curve.
     fn frames(&self, count: usize) -> Vec<Frame> {
         let samples = self.lengths.len() - 1;
         let (start, end) = (self.normals[0], self.normals[samples]);

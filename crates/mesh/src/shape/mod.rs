@@ -139,8 +139,8 @@ pub enum ShapeError {
     },
 }
 
-/// Generates a shape of about `vertices` vertices: the nearest count that its pattern allows, which from a thousand vertices on
-/// is within 2 %, but for the sphere and the starfish, whose counts are `10 f² + 2`.
+/// Generates a shape of about `vertices` vertices: the nearest count that its pattern allows, which from a thousand
+/// vertices on is within 2 %, but for the sphere and the starfish, whose counts are `10 f² + 2`.
 ///
 /// # Errors
 /// [`ShapeError`] where the number of vertices or the genus is out of range.

@@ -35,7 +35,8 @@ fn profile(t: f64) -> [f64; 2] {
     std::array::from_fn(|k| (0..4).map(|i| weights[i] * PROFILE[i][k]).sum())
 }
 
-/// The plate of a violin in the plane z = 0, its long axis along y: two bouts, the lower one larger, and a waist between them.
+/// The plate of a violin in the plane z = 0, its long axis along y: two bouts, the lower one larger, and a waist
+/// between them.
 pub(super) fn violin(vertices: usize) -> TriangleMesh {
     moved(plane::disk(vertices), |[x, y, z]| {
         let angle = y.atan2(x);

@@ -49,7 +49,8 @@ pub(super) fn sphere(vertices: usize) -> TriangleMesh {
     let count = |frequency: usize| 10 * frequency * frequency + 2;
     let f = if count(low + 1).abs_diff(vertices) < count(low).abs_diff(vertices) { low + 1 } else { low };
 
-    // First the corners, then the inner points of each edge (from its lower corner), then the inner points of each face.
+    // First the corners, then the inner points of each edge (from its lower corner), then the inner points of each
+    // face.
     let mut edges: Vec<[usize; 2]> =
         FACES.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).filter(|[a, b]| a < b).collect();
     edges.sort_unstable();
@@ -106,8 +107,8 @@ pub(super) fn sphere(vertices: usize) -> TriangleMesh {
 
 /// A point of the sphere from integer weights that sum to `frequency`.
 ///
-/// Weights go through `sin(w θ)`, θ the angle of an edge: spherical interpolation along edges, and triangles of nearly equal
-/// area inside, where flat weights would make those in the middle twice as large as those at the corners.
+/// Weights go through `sin(w θ)`, θ the angle of an edge: spherical interpolation along edges, and triangles of nearly
+/// equal area inside, where flat weights would make those in the middle twice as large as those at the corners.
 fn blend(frequency: usize, weights: &[(usize, usize)]) -> [f64; 3] {
     let angle = 2f64.atan();
     let mut point = [0.0; 3];

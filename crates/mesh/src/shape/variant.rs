@@ -28,8 +28,8 @@ pub fn noisy(mesh: &TriangleMesh, fraction: f64, seed: u64) -> Result<TriangleMe
     Ok(TriangleMesh { positions: positions.collect(), faces: mesh.faces.clone(), ..Default::default() })
 }
 
-/// The same surface with its vertices and faces in random order and each face beginning at a random corner. The second value
-/// gives the new number of each old vertex.
+/// The same surface with its vertices and faces in random order and each face beginning at a random corner. The second
+/// value gives the new number of each old vertex.
 pub fn renumbered(mesh: &TriangleMesh, seed: u64) -> (TriangleMesh, Vec<u32>) {
     let mut random = SplitMix64::new(seed);
     let numbers = random.permutation(mesh.positions.len());

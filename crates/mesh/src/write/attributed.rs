@@ -6,9 +6,9 @@ use super::{PlyPrecision, check_colours};
 use crate::TriangleMesh;
 use crate::attributes::{Attributes, Labels, NONE};
 
-/// Writes an OBJ as [`write_obj`](super::write_obj) does, with what its file had beside positions and faces: `vt` and `vn` lines in their order,
-/// corners that name them, and `mtllib`, `o`, `g` and `usemtl`. A file of triangles that was read comes back but for its comments and smoothing
-/// groups.
+/// Writes an OBJ as [`write_obj`](super::write_obj) does, with what its file had beside positions and faces: `vt` and
+/// `vn` lines in their order, corners that name them, and `mtllib`, `o`, `g` and `usemtl`. A file of triangles that was
+/// read comes back but for its comments and smoothing groups.
 ///
 /// Fails with `InvalidInput` where the attributes are of other faces.
 pub fn write_obj_with(mesh: &TriangleMesh, attributes: &Attributes, out: &mut dyn Write) -> io::Result<()> {
@@ -74,11 +74,13 @@ fn check_faces(mesh: &TriangleMesh, attributes: &Attributes) -> io::Result<()> {
     }
 }
 
-/// Writes a PLY as [`write_ply_with`](super::write_ply_with) does, with what the file of the mesh had beside positions and faces.
+/// Writes a PLY as [`write_ply_with`](super::write_ply_with) does, with what the file of the mesh had beside positions
+/// and faces.
 ///
-/// Normals are those of vertices: `nx`, `ny`, `nz`, the mean where the corners of one have several. Texture coordinates are `s` and `t` of vertices
-/// where each vertex has one, else, where there are seams, the list `texcoord` of each face, as MeshLab has it; corners without any have zeros. Names
-/// are numbers of faces, `group`, `object` and `material`, −1 for none; comments say which name a number stands for.
+/// Normals are those of vertices: `nx`, `ny`, `nz`, the mean where the corners of one have several. Texture coordinates
+/// are `s` and `t` of vertices where each vertex has one, else, where there are seams, the list `texcoord` of each
+/// face, as MeshLab has it; corners without any have zeros. Names are numbers of faces, `group`, `object` and
+/// `material`, −1 for none; comments say which name a number stands for.
 ///
 /// Fails with `InvalidInput` unless there is one colour for each vertex, and where the attributes are of other faces.
 pub fn write_ply_attributed(
@@ -180,7 +182,8 @@ fn of_vertices(vertices: usize, faces: &[[u32; 3]], corners: &[[u32; 3]]) -> Opt
     Some(own)
 }
 
-/// For each vertex the normal that its corners have; the mean of unit normals where they have several, zeros where they have none.
+/// For each vertex the normal that its corners have; the mean of unit normals where they have several, zeros where they
+/// have none.
 fn means(vertices: usize, faces: &[[u32; 3]], layer: &crate::attributes::Layer<3>) -> Vec<[f64; 3]> {
     let unit = |v: [f64; 3]| {
         let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();

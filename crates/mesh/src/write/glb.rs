@@ -15,11 +15,12 @@ const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 const FLOAT: u32 = 5126;
 const UNSIGNED_INT: u32 = 5125;
 
-/// Writes binary glTF: positions in single precision as they are (glTF's viewers take y for up), or from the middle of a surface that lies too far from the
-/// origin for that, where its nodes are moved to; and with attributes a node for all faces of one
-/// object, group and material, named by these, its texture coordinates (from the top, as glTF counts) and its normals at length one. A vertex is
-/// written once for each texture coordinate and normal that its corners have. Corners without texture coordinates have zeros where others of their
-/// part have some; a part in which a corner has no normal has none.
+/// Writes binary glTF: positions in single precision as they are (glTF's viewers take y for up), or from the middle of
+/// a surface that lies too far from the origin for that, where its nodes are moved to; and with attributes a node for
+/// all faces of one object, group and material, named by these, its texture coordinates (from the top, as glTF counts)
+/// and its normals at length one. A vertex is written once for each texture coordinate and normal that its corners
+/// have. Corners without texture coordinates have zeros where others of their part have some; a part in which a corner
+/// has no normal has none.
 ///
 /// Fails with `InvalidInput` where the attributes are of other faces, or there are more than 4 GiB.
 pub fn write_glb(mesh: &TriangleMesh, attributes: Option<&Attributes>, out: &mut dyn Write) -> io::Result<()> {

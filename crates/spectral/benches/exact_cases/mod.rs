@@ -24,7 +24,8 @@ pub const QUESTIONS: usize = 4;
 pub struct Summary {
     pub solves: usize,
     pub complete: usize,
-    /// Answers that are called complete and are not: a wrong number of pairs, a basis that is not orthonormal, residuals beyond the tolerance.
+    /// Answers that are called complete and are not: a wrong number of pairs, a basis that is not orthonormal,
+    /// residuals beyond the tolerance.
     pub false_complete: usize,
     /// Answers of which some value lies farther from the true one of its index than its bound.
     pub missed: usize,

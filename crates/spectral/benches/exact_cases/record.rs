@@ -1,4 +1,5 @@
-//! What was asked and answered, written so that another program can judge it: a line of JSON, then numbers of eight bytes, little-endian.
+//! What was asked and answered, written so that another program can judge it: a line of JSON, then numbers of eight
+//! bytes, little-endian.
 
 use std::io::{Result, Write};
 use std::path::Path;
@@ -10,8 +11,8 @@ use serde_json::json;
 
 use super::cases::{Question, Request};
 
-/// Writes one solve. The pencil follows as rows, columns and values of all entries of `S`, then of `M`; then values and bounds on unit area, and the
-/// columns on the unknowns one after the other.
+/// Writes one solve. The pencil follows as rows, columns and values of all entries of `S`, then of `M`; then values and
+/// bounds on unit area, and the columns on the unknowns one after the other.
 pub fn write(
     path: &Path,
     (name, question): (&str, &Question),

@@ -1,4 +1,5 @@
-//! Problems whose eigenvalues are multiple, and counts that cut them anywhere: copies of one thing, many components, symmetric shapes and graphs.
+//! Problems whose eigenvalues are multiple, and counts that cut them anywhere: copies of one thing, many components,
+//! symmetric shapes and graphs.
 
 use chladni_algebra::{MassMatrix, SparseMatrix};
 use chladni_base::Unwatched;

@@ -90,7 +90,8 @@ impl Complement<'_> {
         Ok(subtract_combinations(functions, self.functions, &products, monitor)?)
     }
 
-    /// `z_k` with `(S − λ_k M) z_k = r_k`, both orthogonal to `X`, for the eigenvalues `λ_k` of the first columns of `X`.
+    /// `z_k` with `(S − λ_k M) z_k = r_k`, both orthogonal to `X`, for the eigenvalues `λ_k` of the first columns of
+    /// `X`.
     pub fn solve(
         &self,
         right: &PanelMatrix,

@@ -1,14 +1,16 @@
-//! Spectral compression of functions on a mesh, coordinates above all (Karni and Gotsman 2000): coefficients in a basis, rounded and packed.
+//! Spectral compression of functions on a mesh, coordinates above all (Karni and Gotsman 2000): coefficients in a
+//! basis, rounded and packed.
 //!
-//! The receiver has the basis; what is sent is a few bytes a coefficient. Since the basis is orthonormal, an error of a coefficient is an error of
-//! the function of the same norm, and equal steps for all coefficients are best.
+//! The receiver has the basis; what is sent is a few bytes a coefficient. Since the basis is orthonormal, an error of a
+//! coefficient is an error of the function of the same norm, and equal steps for all coefficients are best.
 //!
-//! Where a surface lies far from the origin, coefficients of the constant dwarf all others, and equal steps leave nothing of the shape. Means of functions are
-//! then sent as they are, and the coefficients are those of what is left; for a basis that holds the constant.
+//! Where a surface lies far from the origin, coefficients of the constant dwarf all others, and equal steps leave
+//! nothing of the shape. Means of functions are then sent as they are, and the coefficients are those of what is left;
+//! for a basis that holds the constant.
 //!
-//! The form, little-endian: `CHLC`, version as u32, then u32 `m` (modes), u32 `k` (functions), u32 `n` (vertices), f64 step; in version 2 `k` means as
-//! f64, where version 1 has none; the rest is zstd of the rounded coefficients as i32, mode after mode within a function, their bytes zigzagged and split
-//! into planes, lowest bytes first.
+//! The form, little-endian: `CHLC`, version as u32, then u32 `m` (modes), u32 `k` (functions), u32 `n` (vertices), f64
+//! step; in version 2 `k` means as f64, where version 1 has none; the rest is zstd of the rounded coefficients as i32,
+//! mode after mode within a function, their bytes zigzagged and split into planes, lowest bytes first.
 
 use chladni_algebra::DenseMatrix;
 
@@ -30,7 +32,8 @@ pub const MOST_FUNCTIONS: usize = 256;
 /// Means are sent beside the coefficients where one is so many times as large as the function is apart from it.
 const FAR: f64 = 16.0;
 
-/// Constants are in the span of the modes where no more than this share of the square of their norm is missing: modes may be in single precision.
+/// Constants are in the span of the modes where no more than this share of the square of their norm is missing: modes
+/// may be in single precision.
 const MISSING: f64 = 1e-4;
 
 /// How hard zstd tries: coefficients are few.

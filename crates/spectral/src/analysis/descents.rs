@@ -1,7 +1,7 @@
 //! Ways down a distance: by how much it is off along paths from points all over the surface to its sources.
 //!
-//! A slope that is wrong in a small place, such as a narrow bridge, makes all distances behind it wrong. Where one goes down the steepest way, the
-//! length of the path is what the distance should be.
+//! A slope that is wrong in a small place, such as a narrow bridge, makes all distances behind it wrong. Where one goes
+//! down the steepest way, the length of the path is what the distance should be.
 
 use chladni_base::parallel::*;
 
@@ -41,8 +41,8 @@ struct Fall {
 }
 
 impl<D: Fn(u32) -> f64 + Sync, S: Fn(u32) -> bool + Sync> Slopes<'_, D, S> {
-    /// The error of the distance along paths from points spread evenly over what is `reached`: in the norm of L², relative to the lengths of the paths.
-    /// Nothing without such points.
+    /// The error of the distance along paths from points spread evenly over what is `reached`: in the norm of L²,
+    /// relative to the lengths of the paths. Nothing without such points.
     pub fn error(&self, reached: impl Fn(u32) -> bool) -> Option<f64> {
         let paths: Vec<(f64, f64)> =
             self.beginnings(reached).into_par_iter().filter_map(|face| self.path(face)).collect();
@@ -71,7 +71,8 @@ impl<D: Fn(u32) -> f64 + Sync, S: Fn(u32) -> bool + Sync> Slopes<'_, D, S> {
         chosen
     }
 
-    /// By how much the distance falls from the middle of a triangle to the end of the path, and how long that is; nothing where the distance does not fall.
+    /// By how much the distance falls from the middle of a triangle to the end of the path, and how long that is;
+    /// nothing where the distance does not fall.
     fn path(&self, face: usize) -> Option<(f64, f64)> {
         let begin = self.values(face).iter().sum::<f64>() / 3.0;
         let mut point = Point::Inside { face, at: [1.0 / 3.0; 3], behind: None };
@@ -141,7 +142,8 @@ impl<D: Fn(u32) -> f64 + Sync, S: Fn(u32) -> bool + Sync> Slopes<'_, D, S> {
         (sum > 0.0).then_some((time * fall.slope, next))
     }
 
-    /// Down from a vertex: into the triangle in which that is steepest, or along the steepest edge; nothing at a lowest vertex.
+    /// Down from a vertex: into the triangle in which that is steepest, or along the steepest edge; nothing at a lowest
+    /// vertex.
     fn leaving(&self, half_edge: usize) -> Option<(f64, Point)> {
         let here = (self.distance)(self.triangles.beginning(half_edge));
         let mut steepest: (f64, Option<Point>) = (0.0, None);

@@ -25,8 +25,8 @@ pub enum SpectralDistance {
     },
     /// `w = 1/λ²` (Lipman et al. 2010), the kernel left out; in length.
     Biharmonic,
-    /// `w = 1/λ` (Fouss et al. 2007), the kernel left out; without unit. Its sum converges slowly: the value depends on how many modes the
-    /// basis has.
+    /// `w = 1/λ` (Fouss et al. 2007), the kernel left out; without unit. Its sum converges slowly: the value depends on
+    /// how many modes the basis has.
     CommuteTime,
 }
 
@@ -67,7 +67,8 @@ impl SpectralDistance {
         Ok(weights)
     }
 
-    /// Distances of all vertices from each of some sources: `n × (s t)`, source after source and, within a source, time after time.
+    /// Distances of all vertices from each of some sources: `n × (s t)`, source after source and, within a source, time
+    /// after time.
     ///
     /// # Errors
     /// [`AnalysisError`] names a source that is no vertex, a time that is not above zero, or too many columns.
@@ -212,8 +213,8 @@ mod tests {
         }
     }
 
-    /// On a chain with unit resistances, the commute time between two points is proportional to how many links lie between them; with
-    /// all modes this is exact.
+    /// On a chain with unit resistances, the commute time between two points is proportional to how many links lie
+    /// between them; with all modes this is exact.
     #[test]
     fn commute_times_on_a_chain_are_resistances() {
         let basis = chain(N, N);

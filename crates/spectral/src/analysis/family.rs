@@ -1,8 +1,8 @@
 //! A family of operators in one subspace (thesis, §2.6): the lowest pairs of any of them at interactive rates.
 //!
-//! In a fixed space every operator `(1 − t) S + t A + v V` restricts to `(1 − t) S̄ + t Ā + v V̄`. The family is kept in the Ritz
-//! coordinates of the Laplacian, in which `M̄` is the identity and `S̄` diagonal. Then a query is one standard symmetric eigenproblem of size
-//! `d`, of which only the lowest pairs are wanted.
+//! In a fixed space every operator `(1 − t) S + t A + v V` restricts to `(1 − t) S̄ + t Ā + v V̄`. The family is kept
+//! in the Ritz coordinates of the Laplacian, in which `M̄` is the identity and `S̄` diagonal. Then a query is one
+//! standard symmetric eigenproblem of size `d`, of which only the lowest pairs are wanted.
 
 use chladni_algebra::{DenseMatrix, EigenError, lowest_symmetric};
 use chladni_base::Unwatched;
@@ -62,9 +62,9 @@ impl Member {
     }
 }
 
-/// How many of the lowest pairs of a member the space was made for. With all functions of the mesh they are exact, every one; else they are two
-/// thirds of the pairs that each anchor gave, of members whose curvature is no more than that of the last anchor, and none of others: those can be
-/// many times too large.
+/// How many of the lowest pairs of a member the space was made for. With all functions of the mesh they are exact,
+/// every one; else they are two thirds of the pairs that each anchor gave, of members whose curvature is no more than
+/// that of the last anchor, and none of others: those can be many times too large.
 pub fn covered(family: &FamilyBasis, member: Member) -> usize {
     if family.dimension() == family.vertices() {
         return family.dimension();
@@ -75,8 +75,9 @@ pub fn covered(family: &FamilyBasis, member: Member) -> usize {
     if member.curvature <= most { given as usize * 2 / 3 } else { 0 }
 }
 
-/// The lowest `count` pairs of an operator of the family, by the dense eigensolver: an answer depends on nothing that was asked before, takes the
-/// same time for every member, and no multiplet is too large. On the threads of the pool it is called from.
+/// The lowest `count` pairs of an operator of the family, by the dense eigensolver: an answer depends on nothing that
+/// was asked before, takes the same time for every member, and no multiplet is too large. On the threads of the pool it
+/// is called from.
 ///
 /// # Errors
 /// [`FamilyError`]: parameters out of range, more pairs than the family has dimensions.

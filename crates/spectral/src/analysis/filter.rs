@@ -70,21 +70,22 @@ pub enum Transfer {
         /// The factor.
         gain: f64,
     },
-    /// Diffusion: `e^{−λ t}`, which grows where an eigenvalue is negative; the detail beyond the basis is damped as its last mode is.
+    /// Diffusion: `e^{−λ t}`, which grows where an eigenvalue is negative; the detail beyond the basis is damped as its
+    /// last mode is.
     Heat {
         /// The time `t ≥ 0`, in length² of the input.
         time: f64,
     },
-    /// Sharpening: `1 + strength · λ / (λ + cutoff)`, from 1 for the coarsest shape to `1 + strength` for detail, that beyond the basis
-    /// included. A negative strength, not below −1, softens. Eigenvalues below zero are taken as 0.
+    /// Sharpening: `1 + strength · λ / (λ + cutoff)`, from 1 for the coarsest shape to `1 + strength` for detail, that
+    /// beyond the basis included. A negative strength, not below −1, softens. Eigenvalues below zero are taken as 0.
     Sharpen {
         /// The eigenvalue where half of the strength is reached.
         cutoff: f64,
         /// By how much detail grows.
         strength: f64,
     },
-    /// Any function of the eigenvalue, by its values at some of them: linear in between, constant outside. The detail beyond the basis gets
-    /// what the last eigenvalue gets.
+    /// Any function of the eigenvalue, by its values at some of them: linear in between, constant outside. The detail
+    /// beyond the basis gets what the last eigenvalue gets.
     Curve {
         /// Pairs of an eigenvalue and a factor, eigenvalues strictly ascending.
         points: Vec<[f64; 2]>,
@@ -216,8 +217,8 @@ fn band(low: f64, high: f64) -> Result<(), FilterError> {
     Err(FilterError::Parameter { parameter: "high", value: high, expected: "a finite number not below low" })
 }
 
-/// `x' = Φ F(Λ) ΦᵀM x + F∞ (x − ΦΦᵀM x)` for `k` functions, `n × k`: detail that the basis does not hold is not lost but multiplied
-/// by `F∞`.
+/// `x' = Φ F(Λ) ΦᵀM x + F∞ (x − ΦΦᵀM x)` for `k` functions, `n × k`: detail that the basis does not hold is not lost
+/// but multiplied by `F∞`.
 ///
 /// # Errors
 /// [`FilterError`] names what does not fit.

@@ -9,7 +9,8 @@ use crate::basis::{Basis, Certificate, Compact, DenseFunctions, Functions, Preci
 use crate::operator::MeshOperator;
 use crate::spectrum::hsim::{HsimParameters, Wanted, solve};
 
-/// The lowest pairs of an operator to a tolerance, in double precision, with the Laplacian noted that it was assembled of.
+/// The lowest pairs of an operator to a tolerance, in double precision, with the Laplacian noted that it was assembled
+/// of.
 pub fn solved(operator: &MeshOperator, vertices: usize, count: usize, tolerance: f64) -> Basis {
     let laplacian = serde_json::to_value(operator.report.laplacian).unwrap();
     let mesh = TriangleMesh { positions: vec![[0.0; 3]; vertices], faces: Vec::new(), ..Default::default() };

@@ -1,12 +1,12 @@
 //! Geodesic distance by the heat method (Crane et al. 2013), with both of its solves in the basis.
 //!
-//! Heat that starts at a source flows for a short time, `u = Σ e^{−λt} φ(s) φ`; its gradient, turned and brought to unit length, is that of
-//! the distance; of all functions the one whose gradient is nearest to that field solves a Poisson equation, in the basis `Σ (φᵀ b / λ) φ`.
-//! The mesh is needed for gradients alone.
+//! Heat that starts at a source flows for a short time, `u = Σ e^{−λt} φ(s) φ`; its gradient, turned and brought to
+//! unit length, is that of the distance; of all functions the one whose gradient is nearest to that field solves a
+//! Poisson equation, in the basis `Σ (φᵀ b / λ) φ`. The mesh is needed for gradients alone.
 //!
-//! The shorter the time, the nearer the field is to that of the distance, as long as `u` can be told from the errors of the modes: these are some
-//! thousandth of its largest value, while `u` falls as `e^{−d²/4t}`. So, unless a time is asked for, a ladder of times is used, and each face takes
-//! the shortest at which all its corners are warm enough.
+//! The shorter the time, the nearer the field is to that of the distance, as long as `u` can be told from the errors of
+//! the modes: these are some thousandth of its largest value, while `u` falls as `e^{−d²/4t}`. So, unless a time is
+//! asked for, a ladder of times is used, and each face takes the shortest at which all its corners are warm enough.
 
 use chladni_algebra::{DenseMatrix, vectorized};
 use chladni_base::parallel::*;
@@ -24,7 +24,8 @@ pub const MOST_COLUMNS: usize = 64;
 /// Heat below this share of its largest value is not told from errors.
 const WARM: f32 = 1e-3;
 
-/// The shortest time, over the inverse of the largest eigenvalue: by then the modes that the basis does not have are gone (`e^{−12}`).
+/// The shortest time, over the inverse of the largest eigenvalue: by then the modes that the basis does not have are
+/// gone (`e^{−12}`).
 const SHORTEST: f64 = 12.0;
 
 /// The most times of a ladder.
@@ -39,8 +40,8 @@ const FACES_AT_ONCE: usize = 128;
 /// From so many sources on the ladder has half as many times: each of them costs what all of one source cost.
 const MANY_SOURCES: usize = 5;
 
-/// How long heat flows unless it is told: from `12 / λ_max`, each time twice the one before, to `1 / λ_1`, in length² of the input; for five or more
-/// sources four times the one before.
+/// How long heat flows unless it is told: from `12 / λ_max`, each time twice the one before, to `1 / λ_1`, in length²
+/// of the input; for five or more sources four times the one before.
 ///
 /// # Errors
 /// [`AnalysisError`] where the spectrum has no values above zero, or has negative ones.
@@ -55,13 +56,16 @@ pub fn default_times(eigenvalues: &[f64], sources: usize) -> Result<Vec<f64>, An
     Ok(times)
 }
 
-/// Geodesic distances of all vertices from each of some sources, or from the nearest of them if `together`: `n × s` or `n × 1`.
+/// Geodesic distances of all vertices from each of some sources, or from the nearest of them if `together`: `n × s` or
+/// `n × 1`.
 ///
-/// Where the basis has too few modes to resolve it the distance is rounded off: near the source and along the cut locus. Vertices that no
-/// function of the basis reaches, as on a boundary under the Dirichlet condition, and other components than the source's have no meaningful value.
+/// Where the basis has too few modes to resolve it the distance is rounded off: near the source and along the cut
+/// locus. Vertices that no function of the basis reaches, as on a boundary under the Dirichlet condition, and other
+/// components than the source's have no meaningful value.
 ///
 /// # Errors
-/// [`AnalysisError`] names a source that is no vertex, a time that is not above zero, a mesh that is not that of the basis.
+/// [`AnalysisError`] names a source that is no vertex, a time that is not above zero, a mesh that is not that of the
+/// basis.
 pub fn geodesic(
     basis: &Basis,
     mesh: &TriangleMesh,
@@ -102,13 +106,15 @@ pub fn geodesic(
                     *slot = (-value.max(0.0) * time).exp() * here;
                     most += *slot * here;
                 }
-                // Only directions of gradients count. With 1 at the source single precision does in all units of length.
+                // Only directions of gradients count. With 1 at the source single precision does in all units of
+                // length.
                 if most > 0.0 {
                     column.iter_mut().for_each(|slot| *slot /= most);
                 }
             }
         }
-        // In single precision: u changes by some thousandth from vertex to vertex, and where it does not nothing is known of the distance.
+        // In single precision: u changes by some thousandth from vertex to vertex, and where it does not nothing is
+        // known of the distance.
         let heat = basis.evaluate_single(&heat)?;
         let (n, steps) = (basis.vertices(), times.len());
         let ladders: Vec<Vec<&[f32]>> = heat.chunks(n * steps).map(|ladder| ladder.chunks(n).collect()).collect();
@@ -164,8 +170,8 @@ impl Edges {
         }
     }
 
-    /// What the second and the third corner of each face get of the divergence where `u` rises by `v` and by `w` from the first corner to them. The
-    /// first one gets the rest, so that their sum is zero.
+    /// What the second and the third corner of each face get of the divergence where `u` rises by `v` and by `w` from
+    /// the first corner to them. The first one gets the rest, so that their sum is zero.
     fn divergence(&self, v: &[f64; FACES_AT_ONCE], w: &[f64; FACES_AT_ONCE]) -> [[f64; FACES_AT_ONCE]; 2] {
         vectorized(
             self,
@@ -175,8 +181,8 @@ impl Edges {
                 let ([bx, by, bz], [fx, fy, fz]) = (&edges.back, &edges.forth);
                 // Without closures, which are not inlined where wide registers may be used.
                 for k in 0..FACES_AT_ONCE {
-                    // ∇u = n × Σ u_k e_k / |n|, the edges being those opposite to the corners. Differences keep the digits of a u that is nearly
-                    // constant.
+                    // ∇u = n × Σ u_k e_k / |n|, the edges being those opposite to the corners. Differences keep the
+                    // digits of a u that is nearly constant.
                     let (x, y, z) =
                         (v[k] * bx[k] + w[k] * fx[k], v[k] * by[k] + w[k] * fy[k], v[k] * bz[k] + w[k] * fz[k]);
                     let square = x * x + y * y + z * z;
@@ -191,8 +197,9 @@ impl Edges {
     }
 }
 
-/// The integrated divergence `∫ X · ∇λ_i` of `X = −∇u / |∇u|` at each vertex, for some ladders of heat: with the first `u` of the ladder from which
-/// on all corners of a face are warm, or the last. Faces without area, and those where `u` does not change, have none.
+/// The integrated divergence `∫ X · ∇λ_i` of `X = −∇u / |∇u|` at each vertex, for some ladders of heat: with the first
+/// `u` of the ladder from which on all corners of a face are warm, or the last. Faces without area, and those where `u`
+/// does not change, have none.
 fn unit_divergences(mesh: &TriangleMesh, ladders: &[Vec<&[f32]>]) -> Vec<Vec<f64>> {
     // The ladders of a thread go through the faces together: what is known of a face serves them all.
     let each = ladders.len().div_ceil(rayon::current_num_threads()).max(1);
@@ -223,7 +230,8 @@ fn unit_divergences(mesh: &TriangleMesh, ladders: &[Vec<&[f32]>]) -> Vec<Vec<f64
     ladders.par_chunks(each).flat_map_iter(some).collect()
 }
 
-/// For each vertex the first heat of a ladder from which on it is warm in all but the last; the last where it is not in the one before.
+/// For each vertex the first heat of a ladder from which on it is warm in all but the last; the last where it is not in
+/// the one before.
 fn first_warm(ladder: &[&[f32]]) -> Vec<u8> {
     let Some((last, shorter)) = ladder.split_last() else { return Vec::new() };
     let mut first = vec![shorter.len() as u8; last.len()];

@@ -1,16 +1,19 @@
-//! Geodesic distance by the heat method (Crane, Weischedel and Wardetzky 2013) on the mesh, with two sparse factors that serve every source.
+//! Geodesic distance by the heat method (Crane, Weischedel and Wardetzky 2013) on the mesh, with two sparse factors
+//! that serve every source.
 //!
-//! Heat that starts at the sources flows for a short time, `(M + t S) u = δ`; of its gradients the directions are kept, `X = −∇u / |∇u|`, and of all
-//! functions the one whose gradient is nearest to `X` solves `S φ = ∇·X`. Both systems are those of the robust Laplacian (Sharp and Crane 2020), and
-//! gradients are taken on its intrinsic Delaunay triangulation: no weight is negative, so that heat is positive everywhere and is known to full
-//! relative precision however small. Both factors are in single precision: a single source takes the time in which they are read, and distances
-//! change by a millionth of the largest (`docs/decisions/0097-neighbours-in-many-dimensions.md`). Where that is not enough they are in double
-//! precision: single precision has no number for what little heat gets from one separator to the next on a surface that is many times as long as heat
-//! flows, and few digits for the potential of one that is long and thin. Both show in the residuals of two sources. Threads share a source
+//! Heat that starts at the sources flows for a short time, `(M + t S) u = δ`; of its gradients the directions are kept,
+//! `X = −∇u / |∇u|`, and of all functions the one whose gradient is nearest to `X` solves `S φ = ∇·X`. Both systems are
+//! those of the robust Laplacian (Sharp and Crane 2020), and gradients are taken on its intrinsic Delaunay
+//! triangulation: no weight is negative, so that heat is positive everywhere and is known to full relative precision
+//! however small. Both factors are in single precision: a single source takes the time in which they are read, and
+//! distances change by a millionth of the largest (`docs/decisions/0097-neighbours-in-many-dimensions.md`). Where that
+//! is not enough they are in double precision: single precision has no number for what little heat gets from one
+//! separator to the next on a surface that is many times as long as heat flows, and few digits for the potential of one
+//! that is long and thin. Both show in the residuals of two sources. Threads share a source
 //! (`docs/decisions/0085-one-source-on-all-threads.md`).
 //!
-//! Nothing but half cotangents `h` and the area `A` is needed of a triangle: with `w_k = h_k (u_i − u_j)` the flux `∫ ∇u · ∇λ_i` of corner `i` is
-//! `w_k − w_j`, and `A |∇u|² = Σ h_k (u_i − u_j)²`.
+//! Nothing but half cotangents `h` and the area `A` is needed of a triangle: with `w_k = h_k (u_i − u_j)` the flux
+//! `∫ ∇u · ∇λ_i` of corner `i` is `w_k − w_j`, and `A |∇u|² = Σ h_k (u_i − u_j)²`.
 
 mod probe;
 
@@ -28,7 +31,8 @@ use super::error::{self, AnalysisError};
 use super::unit_gradients::UnitGradients;
 use crate::operator::robust;
 
-/// Heat flows at least so long, as a share of the diagonal of the mesh: else it would be below the least number on the far side.
+/// Heat flows at least so long, as a share of the diagonal of the mesh: else it would be below the least number on the
+/// far side.
 const SHORTEST: f64 = 1.0 / 200.0;
 
 /// From so many sources on a panel takes less time than as many columns, one after the other.
@@ -56,9 +60,10 @@ pub struct HeatGeodesics {
 pub struct HeatDistances {
     /// `n × groups`, in units of the mesh.
     pub distances: DenseMatrix,
-    /// For each group, by how much the slope of its distances, which is one, differs from one: on average over the area of its components, or along paths
-    /// from there to the sources, whichever is more; nothing where these have no area. Distances are off by about as much or less, relative to themselves
-    /// in the norm of L² (`docs/distances.md`).
+    /// For each group, by how much the slope of its distances, which is one, differs from one: on average over the area
+    /// of its components, or along paths from there to the sources, whichever is more; nothing where these have no
+    /// area. Distances are off by about as much or less, relative to themselves in the norm of L²
+    /// (`docs/distances.md`).
     pub slope_errors: Vec<Option<f64>>,
 }
 
@@ -95,7 +100,8 @@ impl std::fmt::Debug for HeatGeodesics {
 }
 
 impl HeatGeodesics {
-    /// Factors both systems. `time` is how long heat flows, in length² of the mesh; without it, in each component the square of its mean edge.
+    /// Factors both systems. `time` is how long heat flows, in length² of the mesh; without it, in each component the
+    /// square of its mean edge.
     ///
     /// # Errors
     /// [`AnalysisError`]: a time that is not above zero, a mesh without area or with corners or coordinates that cannot be, a matrix that cannot be
@@ -143,8 +149,8 @@ impl HeatGeodesics {
         (entry * self.symbolic.entries() + 400 * self.vertices() + 72 * self.gradients.faces()) as u64
     }
 
-    /// Distances in the units of the mesh of all vertices from the nearest vertex of each of some groups, infinite in components without one; and how
-    /// far they may be off.
+    /// Distances in the units of the mesh of all vertices from the nearest vertex of each of some groups, infinite in
+    /// components without one; and how far they may be off.
     ///
     /// # Errors
     /// [`AnalysisError::Vertex`] names a source that is no vertex; cancellation.
@@ -181,8 +187,8 @@ impl HeatGeodesics {
         Ok(HeatDistances { distances, slope_errors })
     }
 
-    /// By how much slopes of the column that `potential` begins with differ from one where its sources lead to: on average over the surface, or along paths
-    /// from all over it to its sources, whichever is more.
+    /// By how much slopes of the column that `potential` begins with differ from one where its sources lead to: on
+    /// average over the surface, or along paths from all over it to its sources, whichever is more.
     fn slope_error(&self, potential: &[f64], width: usize, sources: &[u32]) -> Option<f64> {
         let value = |place: u32| potential[place as usize * width];
         let (bases, mut is_source) = (self.bases(potential, width, sources), vec![false; self.vertices()]);
@@ -196,7 +202,8 @@ impl HeatGeodesics {
         everywhere.into_iter().chain(along).reduce(f64::max)
     }
 
-    /// The least value of the column that `potential` begins with at the sources in each component; infinite where there is none.
+    /// The least value of the column that `potential` begins with at the sources in each component; infinite where
+    /// there is none.
     fn bases(&self, potential: &[f64], width: usize, sources: &[u32]) -> Vec<f64> {
         let mut bases = vec![f64::INFINITY; self.vertices()];
         for &source in sources {
@@ -219,8 +226,9 @@ impl HeatGeodesics {
     }
 }
 
-/// The square of the mean edge of each component of the triangulation, but no time in which heat would not get across it; in length² of the mesh, by the number
-/// of the component. A component that is small beside others is a surface of its own: its distances are what they would be without the others.
+/// The square of the mean edge of each component of the triangulation, but no time in which heat would not get across
+/// it; in length² of the mesh, by the number of the component. A component that is small beside others is a surface of
+/// its own: its distances are what they would be without the others.
 fn default_times(
     triangulation: &IntrinsicTriangulation,
     mesh: &TriangleMesh,
@@ -318,7 +326,8 @@ mod tests {
         }
     }
 
-    /// The same in double precision, with dense systems: the potential of least squares, without a vertex where it is zero.
+    /// The same in double precision, with dense systems: the potential of least squares, without a vertex where it is
+    /// zero.
     #[test]
     fn single_precision_of_the_factors_does_not_show() {
         let mesh = generate(Shape::Torus, 1200).unwrap();
@@ -374,7 +383,8 @@ mod tests {
         }
     }
 
-    /// `CHLADNI_MESHES=… cargo test --release -p chladni-spectral --lib -- --ignored --nocapture seconds_of_a_source`, with `RAYON_NUM_THREADS=2`
+    /// `CHLADNI_MESHES=… cargo test --release -p chladni-spectral --lib -- --ignored --nocapture
+    /// seconds_of_a_source`, with `RAYON_NUM_THREADS=2`
     #[test]
     #[ignore = "measures; run it alone"]
     fn seconds_of_a_source() {
@@ -492,7 +502,8 @@ mod tests {
         assert!(error < 0.1, "{error}");
     }
 
-    /// Squares and rings of triangles whose size and shape vary, a sphere, a surface that is squeezed: nothing that the method was tuned on.
+    /// Squares and rings of triangles whose size and shape vary, a sphere, a surface that is squeezed: nothing that the
+    /// method was tuned on.
     #[test]
     fn the_error_of_slopes_is_that_of_distances_or_up_to_five_times_as_large() {
         let graded = |power: i32| {

@@ -1,5 +1,5 @@
-//! What a basis is good for: shape comparisons, distances, signatures, filters, projections, compression, functional maps, gradients of eigenvalues
-//! and eigenfunctions.
+//! What a basis is good for: shape comparisons, distances, signatures, filters, projections, compression, functional
+//! maps, gradients of eigenvalues and eigenfunctions.
 
 mod complement;
 pub mod compression;

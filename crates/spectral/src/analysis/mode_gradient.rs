@@ -1,13 +1,17 @@
-//! How a loss changes with the positions of vertices that depends on eigenvalues and eigenfunctions: the adjoint of the eigenproblem.
+//! How a loss changes with the positions of vertices that depends on eigenvalues and eigenfunctions: the adjoint of the
+//! eigenproblem.
 //!
-//! With `∂λ_k = x_kᵀ (∂S − λ_k ∂M) x_k`, what a simple eigenfunction changes by is `∂x_k = −½ x_k (x_kᵀ∂M x_k) − (S − λ_k M)⁺ (∂S − λ_k ∂M) x_k`.
-//! Against the derivatives `g_k = ∂L/∂x_k` the pseudo-inverse goes to the other side: within the functions that the basis has it is a sum over pairs
-//! of them, and on what is orthogonal to all of them `S − λ_k M` is positive definite, so that conjugate gradients solve there, preconditioned by one
-//! factor of `S + σM`. In the end there are two functions for each mode, with `∂L = Σ_k y_kᵀ ∂S x_k − w_kᵀ ∂M x_k`.
+//! With `∂λ_k = x_kᵀ (∂S − λ_k ∂M) x_k`, what a simple eigenfunction changes by is
+//! `∂x_k = −½ x_k (x_kᵀ∂M x_k) − (S − λ_k M)⁺ (∂S − λ_k ∂M) x_k`. Against the derivatives `g_k = ∂L/∂x_k` the
+//! pseudo-inverse goes to the other side: within the functions that the basis has it is a sum over pairs of them, and
+//! on what is orthogonal to all of them `S − λ_k M` is positive definite, so that conjugate gradients solve there,
+//! preconditioned by one factor of `S + σM`. In the end there are two functions for each mode, with
+//! `∂L = Σ_k y_kᵀ ∂S x_k − w_kᵀ ∂M x_k`.
 //!
-//! Of a pair of modes `j`, `k` with `c_jk = x_jᵀ g_k` only `(c_jk − c_kj) / (λ_k − λ_j)` counts and `c_jk + c_kj`. The former has a limit where
-//! eigenvalues meet for every loss that does not depend on which functions of their common space stand for them; it is zero where the loss counts
-//! their values alike, and elsewhere it can be told from the derivatives until they meet.
+//! Of a pair of modes `j`, `k` with `c_jk = x_jᵀ g_k` only `(c_jk − c_kj) / (λ_k − λ_j)` counts and `c_jk + c_kj`. The
+//! former has a limit where eigenvalues meet for every loss that does not depend on which functions of their common
+//! space stand for them; it is zero where the loss counts their values alike, and elsewhere it can be told from the
+//! derivatives until they meet.
 
 use chladni_algebra::{
     DenseMatrix, MassMatrix, Ordering, PANEL_WIDTH, PanelMatrix, SymbolicFactor, Weight, fill_reducing_order,
@@ -25,7 +29,8 @@ use crate::operator::{EigenProblem, MassKind};
 /// Eigenvalues that differ by less than this share of them are taken for one.
 pub(super) const COINCIDE: f64 = 1e-6;
 
-/// Eigenvalues that differ by less than this share of them do not tell by what a loss changes that mixes their functions.
+/// Eigenvalues that differ by less than this share of them do not tell by what a loss changes that mixes their
+/// functions.
 const UNSURE: f64 = 1e-9;
 
 /// By how much, as a share, weights differ that are not equal.
@@ -52,18 +57,19 @@ pub struct LossDerivatives<'a> {
     pub functions: &'a DenseMatrix,
 }
 
-/// The gradient of a loss by the positions of the vertices, three numbers for each, for a loss that depends on them through eigenvalues and
-/// eigenfunctions of `problem`, which is assembled of `elements` with `mass`.
+/// The gradient of a loss by the positions of the vertices, three numbers for each, for a loss that depends on them
+/// through eigenvalues and eigenfunctions of `problem`, which is assembled of `elements` with `mass`.
 ///
-/// Eigenfunctions are orthonormal for the mass; a loss should depend on neither their signs nor, where eigenvalues coincide, on which functions stand
-/// for them. The gradient is as right as the pairs are: an error of the functions counts in proportion to itself over their distance to other
-/// eigenvalues.
+/// Eigenfunctions are orthonormal for the mass; a loss should depend on neither their signs nor, where eigenvalues
+/// coincide, on which functions stand for them. The gradient is as right as the pairs are: an error of the functions
+/// counts in proportion to itself over their distance to other eigenvalues.
 ///
 /// # Errors
-/// Those of [`value_gradient`](super::value_gradient::value_gradient), and [`AnalysisError::NoDerivative`] for approximate bases,
-/// [`AnalysisError::Turned`] where a loss depends on which functions stand for an eigenvalue that is several ones, as where it counts a part of them;
-/// [`AnalysisError::Mixed`] where it counts the values of such ones differently; [`AnalysisError::Cut`] where the basis ends among them;
-/// [`AnalysisError::Unsolved`], and a factorisation that fails.
+/// Those of [`value_gradient`](super::value_gradient::value_gradient), and [`AnalysisError::NoDerivative`] for
+/// approximate bases, [`AnalysisError::Turned`] where a loss depends on which functions stand for an eigenvalue that is
+/// several ones, as where it counts a part of them; [`AnalysisError::Mixed`] where it counts the values of such ones
+/// differently; [`AnalysisError::Cut`] where the basis ends among them; [`AnalysisError::Unsolved`], and a
+/// factorisation that fails.
 pub fn mode_gradient(
     basis: &Basis,
     problem: &EigenProblem,
@@ -201,7 +207,8 @@ fn scale_columns(matrix: &mut PanelMatrix, scale: &dyn Fn(usize) -> f64) {
     }
 }
 
-/// `√(gᵀ M⁻¹ g)` of each column, with the lumped mass in the units of the input: by how much a function of unit norm can change the loss.
+/// `√(gᵀ M⁻¹ g)` of each column, with the lumped mass in the units of the input: by how much a function of unit norm
+/// can change the loss.
 fn dual_norms(derivatives: &PanelMatrix, mass: &MassMatrix, area: f64) -> Vec<f64> {
     let mut squares = vec![0.0; derivatives.columns()];
     let lumped = mass.lumped();
@@ -214,7 +221,8 @@ fn dual_norms(derivatives: &PanelMatrix, mass: &MassMatrix, area: f64) -> Vec<f6
     squares.into_iter().map(f64::sqrt).collect()
 }
 
-/// What the other functions of the basis have in `y_k` and `w_k`: coefficients for each of them, `m × c`, from `c_jk` of the first `c`.
+/// What the other functions of the basis have in `y_k` and `w_k`: coefficients for each of them, `m × c`, from `c_jk`
+/// of the first `c`.
 fn combinations(
     (values, weights): (&[f64], &[f64]),
     products: &DenseMatrix,
@@ -248,7 +256,8 @@ fn combinations(
     Ok((stiff, massive))
 }
 
-/// `x + ty` and `x − ty` on all `n` vertices for some modes, `x` times `scale`, with the weights in which they are `yᵀAx` for every symmetric `A`.
+/// `x + ty` and `x − ty` on all `n` vertices for some modes, `x` times `scale`, with the weights in which they are
+/// `yᵀAx` for every symmetric `A`.
 fn halves(
     (functions, scale): (&PanelMatrix, f64),
     others: &PanelMatrix,

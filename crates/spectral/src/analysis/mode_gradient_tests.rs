@@ -18,7 +18,8 @@ fn on_surface(mesh: &TriangleMesh, mass: MassKind, boundary: Boundary) -> MeshOp
 /// A loss with its derivatives by values and functions, of the first few pairs.
 type Loss = fn(&[f64], &DenseMatrix) -> (f64, Vec<f64>, DenseMatrix);
 
-/// `Σ_k a_k λ_k + Σ_v d_v x_k(v)²` with numbers `a` and `d` at random, and products of neighbouring functions, which change with neither sign.
+/// `Σ_k a_k λ_k + Σ_v d_v x_k(v)²` with numbers `a` and `d` at random, and products of neighbouring functions, which
+/// change with neither sign.
 fn squares(values: &[f64], functions: &DenseMatrix) -> (f64, Vec<f64>, DenseMatrix) {
     let (n, c) = (functions.rows(), functions.columns());
     let mut random = SplitMix64::new(3);
@@ -60,7 +61,8 @@ fn first(basis: &Basis, count: usize) -> (Vec<f64>, DenseMatrix) {
     (basis.eigenvalues[..count].to_vec(), DenseMatrix::from_columns(basis.vertices(), count, columns))
 }
 
-/// Compares the gradient of a loss of the first `count` pairs, of `of_all` that are computed, with differences along random motions.
+/// Compares the gradient of a loss of the first `count` pairs, of `of_all` that are computed, with differences along
+/// random motions.
 fn agrees(
     operator: impl Fn(&[[f64; 3]]) -> MeshOperator,
     positions: &[[f64; 3]],

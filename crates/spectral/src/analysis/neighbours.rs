@@ -1,11 +1,13 @@
 //! Nearest neighbours among points of many dimensions.
 //!
-//! Spectral embeddings of surfaces have tens to hundreds of dimensions, and every one of them holds as much as any other: a box that is cut along a
-//! few axes rules out next to nothing, nor does a ball around a few points, unless they are close together for the modes there are. But a part of the
-//! dimensions tells: a sum of squares only grows, and two points that are not neighbours have exceeded the distance of neighbours after some of them.
-//! So points that are close together stand side by side, 32 of them, a dimension after the other, and are given up together; groups of some 200 of
-//! them that are small, as on large meshes, are ruled out at once. Libraries that were looked at fix the dimension when they are compiled, or take no
-//! guess (`docs/decisions/0017-analysis.md`, `0097-neighbours-in-many-dimensions.md`).
+//! Spectral embeddings of surfaces have tens to hundreds of dimensions, and every one of them holds as much as any
+//! other: a box that is cut along a few axes rules out next to nothing, nor does a ball around a few points, unless
+//! they are close together for the modes there are. But a part of the dimensions tells: a sum of squares only grows,
+//! and two points that are not neighbours have exceeded the distance of neighbours after some of them. So points that
+//! are close together stand side by side, 32 of them, a dimension after the other, and are given up together; groups of
+//! some 200 of them that are small, as on large meshes, are ruled out at once. Libraries that were looked at fix the
+//! dimension when they are compiled, or take no guess (`docs/decisions/0017-analysis.md`,
+//! `0097-neighbours-in-many-dimensions.md`).
 
 use std::ops::Range;
 
@@ -15,7 +17,8 @@ use chladni_base::parallel::*;
 /// Points that stand side by side.
 const LANES: usize = 32;
 
-/// Dimensions after which a sum that is too large already is given up. Points are filled up with zeros to a multiple of so many.
+/// Dimensions after which a sum that is too large already is given up. Points are filled up with zeros to a multiple of
+/// so many.
 const STEP: usize = 8;
 
 /// Points of a group, at most.
@@ -95,7 +98,8 @@ pub struct Neighbour {
 pub struct Neighbours {
     dimensions: usize,
     points: Blocks,
-    /// The number of the point at each place, and the place of each number. Nobody asks for those of places that are not taken.
+    /// The number of the point at each place, and the place of each number. Nobody asks for those of places that are
+    /// not taken.
     items: Vec<u32>,
     places: Vec<u32>,
     /// `‖x‖²` at each place.
@@ -202,8 +206,8 @@ impl Neighbours {
         Some(Self { dimensions: rows.dimensions, points, items, places, squares, centres, radii, ends })
     }
 
-    /// For each query the nearest point; of several that are equally near, one of them. `before`: for the first queries, points that may be near.
-    /// Queries that follow each other are taken to be near each other.
+    /// For each query the nearest point; of several that are equally near, one of them. `before`: for the first
+    /// queries, points that may be near. Queries that follow each other are taken to be near each other.
     ///
     /// # Panics
     /// Where queries have other dimensions than the points.
@@ -320,8 +324,8 @@ fn widest_axis(rows: &Rows, items: &[u32]) -> usize {
     (0..rows.stride).max_by(|&a, &b| spread(a).total_cmp(&spread(b))).unwrap_or(0)
 }
 
-/// Orders the points of a group such that those of a block are close together: by halves, across the line through two points that are far from each
-/// other.
+/// Orders the points of a group such that those of a block are close together: by halves, across the line through two
+/// points that are far from each other.
 fn side_by_side(rows: &Rows, items: &mut [u32]) {
     if items.len() <= LANES {
         return;

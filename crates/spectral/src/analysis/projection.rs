@@ -18,7 +18,8 @@ pub struct Projection {
 /// Projects `k` functions, `n × k`, onto the first `pairs` modes, and measures what was lost.
 ///
 /// # Errors
-/// [`BasisError::Modes`] where there are fewer; [`BasisError::Rows`] unless there is a row for each vertex; [`BasisError::Unavailable`].
+/// [`BasisError::Modes`] where there are fewer; [`BasisError::Rows`] unless there is a row for each vertex;
+/// [`BasisError::Unavailable`].
 pub fn project(basis: &Basis, functions: &DenseMatrix, pairs: usize) -> Result<Projection, BasisError> {
     let count = basis.count();
     if !(1..=count).contains(&pairs) {

@@ -17,9 +17,10 @@ const FARTHEST: i32 = 16;
 /// Colours of groups, one after the other.
 const COLOURS: [&str; 8] = ["#1b6ca8", "#d1495b", "#3a7d44", "#8e5ea2", "#e08e28", "#2aa198", "#7a5c3e", "#5b5f97"];
 
-/// Draws places, `s × 2` or `s × 3`, with a label each. Labels that are equal but for digits at their end have one colour. A third dimension is the
-/// size of the points. Names give way to each other, up or down; one that finds no place shows when the pointer rests on its point. `held`: how much
-/// of the variation each dimension holds, for the axes.
+/// Draws places, `s × 2` or `s × 3`, with a label each. Labels that are equal but for digits at their end have one
+/// colour. A third dimension is the size of the points. Names give way to each other, up or down; one that finds no
+/// place shows when the pointer rests on its point. `held`: how much of the variation each dimension holds, for the
+/// axes.
 pub fn svg(places: &DenseMatrix, labels: &[String], held: &[f64]) -> String {
     let range = |axis: usize| {
         let values = places.column(axis);
@@ -88,8 +89,9 @@ pub fn svg(places: &DenseMatrix, labels: &[String], held: &[f64]) -> String {
 struct Names(Vec<(f64, f64, f64)>);
 
 impl Names {
-    /// A free place beside a point, as near its height as can be: end of the text at the point, base line, and which end it is. Names stand to
-    /// the right of points in the left half and to the left of others, so that they stay within the picture.
+    /// A free place beside a point, as near its height as can be: end of the text at the point, base line, and which
+    /// end it is. Names stand to the right of points in the left half and to the left of others, so that they stay
+    /// within the picture.
     fn place(&mut self, x: f64, y: f64, gap: f64, letters: usize) -> Option<(f64, f64, &'static str)> {
         let width = LETTER * letters as f64;
         let (at, low, high, anchor) = if x < 0.5 * WIDTH {

@@ -27,9 +27,9 @@ impl Spectrum {
     }
 }
 
-/// The dimension of the kernel of an operator with these ascending eigenvalues, on a surface of so many components: how many of the first values are
-/// zero, but at most one for each component. It is 0 where a boundary is held everywhere or a potential acts, and where a value is below zero: then
-/// every eigenvalue tells something.
+/// The dimension of the kernel of an operator with these ascending eigenvalues, on a surface of so many components: how
+/// many of the first values are zero, but at most one for each component. It is 0 where a boundary is held everywhere
+/// or a potential acts, and where a value is below zero: then every eigenvalue tells something.
 pub fn kernel_of(eigenvalues: &[f64], components: usize) -> usize {
     match kernel_size(eigenvalues) {
         Ok(kernel) => kernel.min(components),
@@ -87,8 +87,8 @@ pub struct Compared {
     pub descriptors: DenseMatrix,
     /// Euclidean distances between descriptors, `s × s`.
     pub distances: DenseMatrix,
-    /// Places of the shapes, a row each, whose distances are near to those of the descriptors: `s × dimensions`, by classical
-    /// multidimensional scaling (Torgerson 1952).
+    /// Places of the shapes, a row each, whose distances are near to those of the descriptors: `s × dimensions`, by
+    /// classical multidimensional scaling (Torgerson 1952).
     pub places: DenseMatrix,
     /// How much of the variation each dimension of the places holds, of 1.
     pub held: Vec<f64>,
@@ -98,7 +98,8 @@ pub struct Compared {
 ///
 /// # Errors
 /// [`AnalysisError`]: too few shapes or too many, a spectrum with fewer than `count` eigenvalues above its kernel, or none;
-/// [`AnalysisError::NoScale`] names the first shape whose area, or whose first eigenvalue above the kernel, is not above zero.
+/// [`AnalysisError::NoScale`] names the first shape whose area, or whose first eigenvalue above the kernel, is not
+/// above zero.
 pub fn compare(spectra: &[Spectrum], how: &Comparison) -> Result<Compared, AnalysisError> {
     error::count("shapes", spectra.len(), 2, MOST_SHAPES)?;
     error::count("dimensions", how.dimensions, 2, 3)?;
@@ -144,8 +145,8 @@ fn euclidean(columns: &DenseMatrix) -> DenseMatrix {
     distances
 }
 
-/// Classical multidimensional scaling: the leading eigenvectors of `−½ J D² J`, times the roots of their eigenvalues. Dimensions that there are
-/// not are zero. In each, the place of largest magnitude is positive.
+/// Classical multidimensional scaling: the leading eigenvectors of `−½ J D² J`, times the roots of their eigenvalues.
+/// Dimensions that there are not are zero. In each, the place of largest magnitude is positive.
 fn scale(distances: &DenseMatrix, dimensions: usize) -> Result<(DenseMatrix, Vec<f64>), AnalysisError> {
     let s = distances.rows();
     let mut centred = DenseMatrix::zeros(s, s);
@@ -296,7 +297,8 @@ mod tests {
         found.iter().zip(expected).all(|(found, expected)| (found / expected - 1.0).abs() < 0.01)
     }
 
-    /// On the square `sin πax sin πby` has the eigenvalue `(a² + b²) π²` under the Dirichlet condition, `cos πax cos πby` under Neumann's.
+    /// On the square `sin πax sin πby` has the eigenvalue `(a² + b²) π²` under the Dirichlet condition,
+    /// `cos πax cos πby` under Neumann's.
     #[test]
     fn held_boundaries_and_potentials_keep_their_first_eigenvalue() {
         let square = std::f64::consts::PI.powi(2);

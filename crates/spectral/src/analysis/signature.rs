@@ -9,28 +9,29 @@ use crate::basis::Basis;
 /// The most values of a signature.
 pub const MOST_VALUES: usize = 256;
 
-/// A wave kernel signature of fewer energies would have no energies to look at: its range is narrowed by twice the width of a band.
+/// A wave kernel signature of fewer energies would have no energies to look at: its range is narrowed by twice the
+/// width of a band.
 const LEAST_ENERGIES: usize = 32;
 
 /// A signature of points.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Signature {
-    /// `Σ e^{−λt} φ(x)²`, for each time (Sun et al. 2009); of its definition's two forms the plain one, or divided by the trace `Σ e^{−λt}`, so
-    /// that all times weigh the same.
+    /// `Σ e^{−λt} φ(x)²`, for each time (Sun et al. 2009); of its definition's two forms the plain one, or divided by
+    /// the trace `Σ e^{−λt}`, so that all times weigh the same.
     HeatKernel {
         /// The times `t > 0`, in length² of the input.
         times: Vec<f64>,
         /// Whether to divide by the trace.
         normalised: bool,
     },
-    /// `Σ e^{−(e − ln λ)²/2σ²} φ(x)² / Σ e^{−(e − ln λ)²/2σ²}`, for energies `e` spaced evenly in `[ln λ_1 + 2σ, ln λ_max − 2σ]`, `σ` being seven
-    /// times their spacing (Aubry et al. 2011).
+    /// `Σ e^{−(e − ln λ)²/2σ²} φ(x)² / Σ e^{−(e − ln λ)²/2σ²}`, for energies `e` spaced evenly in
+    /// `[ln λ_1 + 2σ, ln λ_max − 2σ]`, `σ` being seven times their spacing (Aubry et al. 2011).
     WaveKernel {
         /// How many energies, at least 32.
         count: usize,
     },
-    /// `φ_k(x)/√λ_k` for the first modes above the kernel (Rustamov 2007). Signs, and rotations among equal eigenvalues, are those of the
-    /// basis: compare points of one basis alone.
+    /// `φ_k(x)/√λ_k` for the first modes above the kernel (Rustamov 2007). Signs, and rotations among equal
+    /// eigenvalues, are those of the basis: compare points of one basis alone.
     GlobalPoint {
         /// How many modes.
         count: usize,
@@ -138,8 +139,9 @@ impl Signature {
         Ok(values.times(&weights))
     }
 
-    /// How far the signature of every vertex is from that of one: heat kernels by `(∫ (k_t(x)/tr − k_t(y)/tr)² d ln t)^½`, as the mean over
-    /// the times; wave kernels by the mean of `|a − b| / (a + b)`; global points by their Euclidean distance.
+    /// How far the signature of every vertex is from that of one: heat kernels by
+    /// `(∫ (k_t(x)/tr − k_t(y)/tr)² d ln t)^½`, as the mean over the times; wave kernels by the mean of
+    /// `|a − b| / (a + b)`; global points by their Euclidean distance.
     ///
     /// # Errors
     /// [`AnalysisError`] names a vertex that there is not, or a parameter out of its range.

@@ -1,7 +1,8 @@
 //! The sound of a vibrating object.
 //!
-//! Every bit of the surface is a simple source: air that its acceleration pushes away. At a point `p` far enough from the object the pressure
-//! is `ρ_air / 4π ∫ ⟨ü(x), n⟩ / |x − p| dA` (Rayleigh's integral without the delays within the object), which is one number for each mode.
+//! Every bit of the surface is a simple source: air that its acceleration pushes away. At a point `p` far enough from
+//! the object the pressure is `ρ_air / 4π ∫ ⟨ü(x), n⟩ / |x − p| dA` (Rayleigh's integral without the delays within the
+//! object), which is one number for each mode.
 
 use super::vibration::{Motion, SimulationError};
 use crate::basis::modal::ModalBasis;
@@ -53,7 +54,8 @@ impl Listening {
     }
 }
 
-/// What is heard of a motion. `positions` and `faces` are the surface of the object, whose vertices are the first of the basis.
+/// What is heard of a motion. `positions` and `faces` are the surface of the object, whose vertices are the first of
+/// the basis.
 ///
 /// # Errors
 /// [`SimulationError`]: values out of range, or a surface that is not that of the basis.

@@ -14,8 +14,9 @@ const NEGATIVE: f64 = 1e-8;
 
 /// How many of the ascending eigenvalues are zero: the functions that are constant on each component.
 ///
-/// Solvers that know the kernel give its eigenvalues as exactly zero, and then these are all: on shapes of very different sizes, or graded triangles, the next
-/// ones may be smaller than the last by any factor. Without them zero is what rounding makes of it.
+/// Solvers that know the kernel give its eigenvalues as exactly zero, and then these are all: on shapes of very
+/// different sizes, or graded triangles, the next ones may be smaller than the last by any factor. Without them zero is
+/// what rounding makes of it.
 ///
 /// # Errors
 /// [`AnalysisError::OnlyKernel`] where none is above zero; [`AnalysisError::Negative`] names the first that is below.

@@ -1,8 +1,9 @@
-//! Two bases of one surface, compared: how much of the functions of one lies in the other, and by which angles their eigenspaces are turned against
-//! each other (thesis, figures 2.7, 2.8 and 2.B).
+//! Two bases of one surface, compared: how much of the functions of one lies in the other, and by which angles their
+//! eigenspaces are turned against each other (thesis, figures 2.7, 2.8 and 2.B).
 //!
-//! Single eigenfunctions of a multiple or nearly multiple eigenvalue mean nothing: any rotation of them is as good. So eigenvalues that lie close
-//! together are taken as one cluster, and its spaces are compared by their principal angles (Björck and Golub 1973).
+//! Single eigenfunctions of a multiple or nearly multiple eigenvalue mean nothing: any rotation of them is as good. So
+//! eigenvalues that lie close together are taken as one cluster, and its spaces are compared by their principal angles
+//! (Björck and Golub 1973).
 
 use std::ops::Range;
 
@@ -33,9 +34,11 @@ pub struct Eigenspace {
 /// Two bases, compared.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SubspaceComparison {
-    /// `ΦᵀMΨ`, `pairs × pairs`: column `j` has the Fourier coefficients of function `j` of the other basis in the reference.
+    /// `ΦᵀMΨ`, `pairs × pairs`: column `j` has the Fourier coefficients of function `j` of the other basis in the
+    /// reference.
     pub coefficients: DenseMatrix,
-    /// Per function of the other basis, which share of it, in the norm of the mass, lies outside of all the functions of the reference.
+    /// Per function of the other basis, which share of it, in the norm of the mass, lies outside of all the functions
+    /// of the reference.
     pub projection_errors: Vec<f64>,
     /// Per pair `(θ − λ) / λ`, `λ` of the reference; 0 where both are zero.
     pub eigenvalue_errors: Vec<f64>,
@@ -45,8 +48,8 @@ pub struct SubspaceComparison {
     pub eigenspaces: Vec<Eigenspace>,
 }
 
-/// Compares the first `pairs` functions of two bases; the mass is that of the reference. Eigenvalues of the reference that follow on each other with
-/// a relative gap of at most `gap` are one cluster.
+/// Compares the first `pairs` functions of two bases; the mass is that of the reference. Eigenvalues of the reference
+/// that follow on each other with a relative gap of at most `gap` are one cluster.
 ///
 /// # Errors
 /// [`AnalysisError`]: more pairs than a basis has, bases on different numbers of vertices, a gap that is no number from 0 on, cancellation.
@@ -100,8 +103,8 @@ pub fn compare(
     })
 }
 
-/// Runs of ascending values in which each follows on the one before with a relative gap of at most `gap`; zeros, as far as rounding tells, are one
-/// run.
+/// Runs of ascending values in which each follows on the one before with a relative gap of at most `gap`; zeros, as far
+/// as rounding tells, are one run.
 fn clusters(values: &[f64], gap: f64) -> Vec<Range<usize>> {
     let largest = values.last().copied().unwrap_or(0.0).abs();
     let zero = super::spectrum::NEARLY * largest;
@@ -149,8 +152,8 @@ fn gram(reference: &Basis, other: &Basis, pairs: usize, monitor: &dyn Monitor) -
     Ok(gram)
 }
 
-/// The principal angles of the spaces of two bases with these inner products, the first orthonormal and the second with this Gram matrix: squares of
-/// their cosines are the eigenvalues of the pencil of both.
+/// The principal angles of the spaces of two bases with these inner products, the first orthonormal and the second with
+/// this Gram matrix: squares of their cosines are the eigenvalues of the pencil of both.
 fn angles(products: &DenseMatrix, gram: DenseMatrix) -> Result<Vec<f64>, AnalysisError> {
     let k = products.columns();
     let mut squares = products.transposed_times(products);
@@ -221,7 +224,8 @@ mod tests {
     fn another_mass_and_another_scale_turn_no_space() {
         let basis = dense(&chain(60, 20));
         let (n, m) = (basis.vertices(), basis.count());
-        // The same space by functions that are orthonormal in no mass of the reference: sums of one and the next, ever longer.
+        // The same space by functions that are orthonormal in no mass of the reference: sums of one and the next, ever
+        // longer.
         let columns = DenseMatrix::from_columns(n, m, basis.lift(0..m).unwrap());
         let mut other = columns.clone();
         for k in 0..m - 1 {

@@ -1,4 +1,5 @@
-//! The field of unit vectors against the gradient of heat, as far as a Poisson equation needs it: its integrated divergence.
+//! The field of unit vectors against the gradient of heat, as far as a Poisson equation needs it: its integrated
+//! divergence.
 
 use chladni_algebra::vectorized;
 use chladni_base::parallel::*;
@@ -7,13 +8,15 @@ use chladni_mesh::intrinsic::IntrinsicTriangulation;
 /// Triangles that are handled side by side.
 const AT_ONCE: usize = 16;
 
-/// Parts that add up what they give to vertices by themselves: as many whatever the number of threads is, so that sums do not depend on it.
+/// Parts that add up what they give to vertices by themselves: as many whatever the number of threads is, so that sums
+/// do not depend on it.
 const PARTS: usize = 4;
 
 /// Triangles at which slopes are looked at: as many as tell an average to a percent of itself.
 const LOOKED_AT: usize = 20_000;
 
-/// Triangles with their vertices in the order of a factor, sorted by the first of these: what is read and added to lies together.
+/// Triangles with their vertices in the order of a factor, sorted by the first of these: what is read and added to lies
+/// together.
 #[derive(Debug)]
 pub(super) struct UnitGradients {
     vertices: usize,
@@ -98,8 +101,9 @@ impl UnitGradients {
         self.shapes[face].area * self.sheets * self.sheets
     }
 
-    /// By how much the slope of a distance differs from one, on average over the area of what the sources of a column lead to: at some
-    /// [`LOOKED_AT`] triangles evenly among all. `reached` tells of each vertex, by its place; nothing without a triangle that is.
+    /// By how much the slope of a distance differs from one, on average over the area of what the sources of a column
+    /// lead to: at some [`LOOKED_AT`] triangles evenly among all. `reached` tells of each vertex, by its place; nothing
+    /// without a triangle that is.
     pub fn slope_error(&self, distance: impl Fn(u32) -> f64, reached: impl Fn(u32) -> bool) -> Option<f64> {
         let stride = self.corners.len().div_ceil(LOOKED_AT).max(1);
         let (mut off, mut all) = (0.0, 0.0);
@@ -119,7 +123,8 @@ impl UnitGradients {
         (all > 0.0).then(|| off / all)
     }
 
-    /// `∫ X · ∇λ_i` with `X = −∇u / |∇u|` at each vertex, in the order of the factor, for the first `columns` of heat, whose rows are `width` wide.
+    /// `∫ X · ∇λ_i` with `X = −∇u / |∇u|` at each vertex, in the order of the factor, for the first `columns` of heat,
+    /// whose rows are `width` wide.
     pub fn divergence(&self, heat: &[f64], columns: usize, width: usize) -> Vec<f64> {
         assert_eq!(heat.len(), self.vertices * width, "a row of heat for each vertex");
         assert!(columns <= width, "columns of these rows");

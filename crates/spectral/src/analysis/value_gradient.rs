@@ -1,8 +1,8 @@
 //! How eigenvalues change when vertices move.
 //!
-//! For a simple eigenvalue with `xᵀMx = 1`, `∂λ = xᵀ (∂S − λ ∂M) x` (Hellmann and Feynman; Hadamard). Where eigenvalues coincide, each of them has a
-//! derivative only along motions that keep them together, while the sum of all of them has one in every direction, and so has every function in which
-//! they count alike.
+//! For a simple eigenvalue with `xᵀMx = 1`, `∂λ = xᵀ (∂S − λ ∂M) x` (Hellmann and Feynman; Hadamard). Where eigenvalues
+//! coincide, each of them has a derivative only along motions that keep them together, while the sum of all of them has
+//! one in every direction, and so has every function in which they count alike.
 
 use chladni_base::{Cancelled, Monitor};
 
@@ -11,17 +11,18 @@ use crate::basis::{Basis, CHUNK_COLUMNS, Functions, Real, Visit};
 use crate::operator::MassKind;
 use crate::operator::derivative::{Elements, FormSums};
 
-/// The gradient of `Σ_k weights_k λ_k` by the positions of the vertices: three numbers for each, in 1/length³ of the input. With
-/// `weights_k = ∂L/∂λ_k` it is `∂L/∂p`.
+/// The gradient of `Σ_k weights_k λ_k` by the positions of the vertices: three numbers for each, in 1/length³ of the
+/// input. With `weights_k = ∂L/∂λ_k` it is `∂L/∂p`.
 ///
-/// It is exact for the eigenvalues of the discrete problem, up to their residuals; for Ritz values of a compact basis it is that of the values in a
-/// space that stays as it is. The Laplacian is that of the elements as they are, with a consistent mass or equal shares of each element: not that of
-/// another triangulation, and without potential. Vertices of a boundary that is held count as all others.
+/// It is exact for the eigenvalues of the discrete problem, up to their residuals; for Ritz values of a compact basis
+/// it is that of the values in a space that stays as it is. The Laplacian is that of the elements as they are, with a
+/// consistent mass or equal shares of each element: not that of another triangulation, and without potential. Vertices
+/// of a boundary that is held count as all others.
 ///
 /// # Errors
-/// [`AnalysisError::Count`] where there are not as many weights as values; [`AnalysisError::Mesh`] where the elements have other vertices;
-/// [`AnalysisError::Parameter`] for a weight that is not finite; [`AnalysisError::NoDerivative`] for Voronoi areas and operators that are made of
-/// something else; functions that cannot be read, cancellation.
+/// [`AnalysisError::Count`] where there are not as many weights as values; [`AnalysisError::Mesh`] where the elements
+/// have other vertices; [`AnalysisError::Parameter`] for a weight that is not finite; [`AnalysisError::NoDerivative`]
+/// for Voronoi areas and operators that are made of something else; functions that cannot be read, cancellation.
 pub fn value_gradient(
     basis: &Basis,
     elements: Elements<'_>,

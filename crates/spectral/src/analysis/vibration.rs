@@ -1,7 +1,9 @@
-//! Simulation in modal coordinates (thesis, §2.6): every mode is a damped oscillator whose motion is known exactly, at any time.
+//! Simulation in modal coordinates (thesis, §2.6): every mode is a damped oscillator whose motion is known exactly, at
+//! any time.
 //!
-//! `q̈ + (α + βλ) q̇ + λ q = f` (eq. 2.16). Loads are impulses, which change velocities at once, and forces and accelerations that are constant over
-//! an interval; between their beginnings and ends the exact flow is evaluated, so no step is ever made, and nothing is damped that should not be.
+//! `q̈ + (α + βλ) q̇ + λ q = f` (eq. 2.16). Loads are impulses, which change velocities at once, and forces and
+//! accelerations that are constant over an interval; between their beginnings and ends the exact flow is evaluated, so
+//! no step is ever made, and nothing is damped that should not be.
 
 use crate::basis::BasisError;
 use crate::basis::modal::ModalBasis;
@@ -378,7 +380,8 @@ pub fn check_times(times: &[f64]) -> Result<(), SimulationError> {
     Ok(())
 }
 
-/// Vectors for each vertex in coordinates of the modes, `Φᵀ M u`, and which share of their size, in the norm of the mass, no mode holds.
+/// Vectors for each vertex in coordinates of the modes, `Φᵀ M u`, and which share of their size, in the norm of the
+/// mass, no mode holds.
 ///
 /// # Errors
 /// [`SimulationError::Initial`] unless there is a finite vector for each vertex.

@@ -125,7 +125,8 @@ fn a_simulation_with_approximate_modes_is_close_to_one_with_exact_modes() {
     assert!(refined[0] < 5e-5 && refined[1] < 0.1 && refined[1] < 0.5 * rough[1], "{rough:?} {refined:?}");
 }
 
-/// The mean over 100 frames of the error of positions relative to positions, and of displacements relative to displacements.
+/// The mean over 100 frames of the error of positions relative to positions, and of displacements relative to
+/// displacements.
 fn simulation_errors(exact: &ModalBasis, approximate: &ModalBasis, rest: &[[f64; 3]]) -> [f64; 2] {
     let tap = [Load::Impulse { vertex: 100, time: 0.0, momentum: [20.0, 0.0, 40.0] }];
     let damping = Damping { mass: 0.01, stiffness: 1e-6 };
@@ -226,7 +227,8 @@ fn a_motion_goes_on_from_its_own_state() {
     }
 }
 
-/// Nothing holds the object, so that it falls as a stone does and nothing in it moves: `s = ½ g t²`, also after the weight is gone.
+/// Nothing holds the object, so that it falls as a stone does and nothing in it moves: `s = ½ g t²`, also after the
+/// weight is gone.
 #[test]
 fn weight_accelerates_every_vertex_alike() {
     let mesh = generate(Shape::Sphere, 200).unwrap();

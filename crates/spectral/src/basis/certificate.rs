@@ -6,10 +6,11 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Certificate {
-    /// Per pair `‖S x − θ M x‖ / ‖S x‖` (thesis, eq. 4.6), of the columns as they are stored; for the kernel `‖S x‖ / (‖S‖ ‖x‖)`.
+    /// Per pair `‖S x − θ M x‖ / ‖S x‖` (thesis, eq. 4.6), of the columns as they are stored; for the kernel
+    /// `‖S x‖ / (‖S‖ ‖x‖)`.
     pub residuals: Vec<f64>,
-    /// Per pair an a-posteriori bound, in 1/length² of the input. Where `complete` is true, the exact eigenvalue of the same index lies within
-    /// `[θ − bound, θ + bound]`, rounding errors included; otherwise some exact eigenvalue does.
+    /// Per pair an a-posteriori bound, in 1/length² of the input. Where `complete` is true, the exact eigenvalue of the
+    /// same index lies within `[θ − bound, θ + bound]`, rounding errors included; otherwise some exact eigenvalue does.
     pub bounds: Vec<f64>,
     /// Per pair an estimate of the error of the eigenvalue, in 1/length² of the input; empty where there is none.
     #[serde(default)]
@@ -25,7 +26,8 @@ pub struct Certificate {
     /// The inertia counts, by ascending shift.
     #[serde(default)]
     pub inertia: Vec<InertiaCount>,
-    /// The index of the first pair among all eigenvalues of the problem: zero but where the pairs of an interval were asked for.
+    /// The index of the first pair among all eigenvalues of the problem: zero but where the pairs of an interval were
+    /// asked for.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub first: usize,
     /// The bounds that the pairs were asked for by, if they were.
@@ -43,7 +45,8 @@ pub struct Certificate {
     /// What each level of the hierarchy took, coarsest first; empty where there is no hierarchy.
     #[serde(default)]
     pub levels: Vec<LevelReport>,
-    /// Per pair `‖x − x̃‖_M / ‖x‖_M`, where the eigenfunctions `x` were projected to `x̃ = U c` to store them compactly; else empty.
+    /// Per pair `‖x − x̃‖_M / ‖x‖_M`, where the eigenfunctions `x` were projected to `x̃ = U c` to store them
+    /// compactly; else empty.
     #[serde(default)]
     pub projection_errors: Vec<f64>,
     /// The largest of them.
@@ -55,10 +58,11 @@ pub struct Certificate {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct FieldCertificate {
-    /// For each of the lowest eigenfields, as many as were judged, about how far its eigenvalue lies above the exact one of the same index, in
-    /// 1/length².
+    /// For each of the lowest eigenfields, as many as were judged, about how far its eigenvalue lies above the exact
+    /// one of the same index, in 1/length².
     pub estimates: Vec<f64>,
-    /// For each of them: some exact eigenvalue lies within this of its eigenvalue, in 1/length², up to rounding; null where no such bound is known.
+    /// For each of them: some exact eigenvalue lies within this of its eigenvalue, in 1/length², up to rounding; null
+    /// where no such bound is known.
     pub bounds: Vec<Option<f64>>,
     /// How near they come to what is usual.
     pub accuracy: FieldAccuracyReport,
@@ -72,7 +76,8 @@ pub struct FieldAccuracyReport {
     pub goal: f64,
     /// The largest estimated error, as a share of the exact eigenvalue, fields without energy apart.
     pub largest_estimate: f64,
-    /// Whether that is at most the goal. Where it is false, such fields are eigenfields of the space and not of the surface.
+    /// Whether that is at most the goal. Where it is false, such fields are eigenfields of the space and not of the
+    /// surface.
     pub reached: bool,
 }
 
@@ -91,13 +96,15 @@ pub struct AccuracyReport {
     pub largest_estimate: f64,
     /// Whether that is at most the goal.
     pub reached: bool,
-    /// How often the space was made finer: by columns that diffuse for longer, by more of them, or by single vertices where residuals sat.
+    /// How often the space was made finer: by columns that diffuse for longer, by more of them, or by single vertices
+    /// where residuals sat.
     pub rounds: usize,
     /// The dimension of the space in the end.
     pub dimension: usize,
     /// How many of its columns are hat functions of single vertices.
     pub hats: usize,
-    /// The implicit heat steps that smoothed the columns in the end, more than usual where columns have few vertices. Absent for other constructions.
+    /// The implicit heat steps that smoothed the columns in the end, more than usual where columns have few vertices.
+    /// Absent for other constructions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub heat_steps: Option<usize>,
 }
@@ -125,7 +132,8 @@ pub struct Interval {
     pub on_bounds: Vec<OnBound>,
 }
 
-/// A pair whose enclosure reaches a bound that was asked for: it is for its value that it counts as below the bound or not.
+/// A pair whose enclosure reaches a bound that was asked for: it is for its value that it counts as below the bound or
+/// not.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct OnBound {
@@ -147,7 +155,8 @@ pub struct OnBound {
 pub struct Around {
     /// The number.
     pub shift: f64,
-    /// Pairs of which enclosures do not let one tell which are nearer, delivered or not; empty where these pairs are proven to be the nearest.
+    /// Pairs of which enclosures do not let one tell which are nearer, delivered or not; empty where these pairs are
+    /// proven to be the nearest.
     pub ties: Vec<NearPair>,
 }
 
@@ -165,8 +174,8 @@ pub struct NearPair {
     pub delivered: bool,
 }
 
-/// Eigenvalues that lie so close together that they count as one, of which not all are delivered: any functions of the cluster's eigenspace could
-/// stand for those that are, and another computation may give others.
+/// Eigenvalues that lie so close together that they count as one, of which not all are delivered: any functions of the
+/// cluster's eigenspace could stand for those that are, and another computation may give others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct CutCluster {
@@ -188,12 +197,13 @@ pub struct LevelReport {
     pub shifts: usize,
 }
 
-/// What inertia counts prove about ascending eigenvalues that a solver found: `None` where there are no counts; `Some(true)` where
-/// every count at a shift among the values equals the values below it, and a further count lies above the last value.
+/// What inertia counts prove about ascending eigenvalues that a solver found: `None` where there are no counts;
+/// `Some(true)` where every count at a shift among the values equals the values below it, and a further count lies
+/// above the last value.
 ///
-/// A count above the last value may be larger than the values: a solver that computed a whole cluster delivers as many of it as were asked for. Where
-/// the pairs begin at another index than the `first` of all, counts below the first value are at most that, and those among the values equal it and
-/// the values below.
+/// A count above the last value may be larger than the values: a solver that computed a whole cluster delivers as many
+/// of it as were asked for. Where the pairs begin at another index than the `first` of all, counts below the first
+/// value are at most that, and those among the values equal it and the values below.
 pub fn completeness(first: usize, values: &[f64], inertia: &[InertiaCount]) -> Option<bool> {
     if inertia.is_empty() {
         return None;
@@ -203,7 +213,8 @@ pub fn completeness(first: usize, values: &[f64], inertia: &[InertiaCount]) -> O
     for count in inertia {
         let among = values.iter().filter(|&&value| value < count.shift).count();
         if values.is_empty() {
-            // Only a count of what was left out says that nothing lies there; others are below the interval, or beyond it.
+            // Only a count of what was left out says that nothing lies there; others are below the interval, or beyond
+            // it.
             closed |= count.below == first;
             continue;
         }

@@ -9,7 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use super::BasisError;
 
-/// Columns of one chunk: as many as a solver's panel has, so that a panel becomes a chunk without looking at its neighbours.
+/// Columns of one chunk: as many as a solver's panel has, so that a panel becomes a chunk without looking at its
+/// neighbours.
 pub const CHUNK_COLUMNS: usize = PANEL_WIDTH;
 
 /// The type of the numbers of dense eigenfunctions.
@@ -183,7 +184,8 @@ pub(crate) trait Visit {
 
 /// Where the chunks of dense eigenfunctions lie, if not in memory.
 pub trait ColumnSource: Send + Sync + fmt::Debug {
-    /// Chunk `index`: columns from `index · 32` on, at most 32. Blocks until it is there; called on threads that may wait.
+    /// Chunk `index`: columns from `index · 32` on, at most 32. Blocks until it is there; called on threads that may
+    /// wait.
     ///
     /// # Errors
     /// [`ColumnError`] says why it cannot be had.
@@ -228,7 +230,8 @@ impl PartialEq for DenseFunctions {
 }
 
 impl DenseFunctions {
-    /// From the panels of a solver, each given up as soon as it is converted: at no time is there a second copy of the whole.
+    /// From the panels of a solver, each given up as soon as it is converted: at no time is there a second copy of the
+    /// whole.
     pub fn from_panels(panels: PanelMatrix, precision: Precision) -> Self {
         let (rows, columns) = (panels.rows(), panels.columns());
         let chunks = panels.into_panels().into_iter().enumerate().map(|(index, panel)| {
@@ -251,7 +254,8 @@ impl DenseFunctions {
         Self { rows, columns: matrix.columns(), precision, place: Place::Memory(chunks.collect()) }
     }
 
-    /// From chunks that were read. `None` unless they have `rows` rows and make up `columns` columns in full chunks but the last.
+    /// From chunks that were read. `None` unless they have `rows` rows and make up `columns` columns in full chunks but
+    /// the last.
     pub(crate) fn from_chunks(
         rows: usize,
         columns: usize,
@@ -304,7 +308,8 @@ impl DenseFunctions {
     /// One chunk.
     ///
     /// # Errors
-    /// [`BasisError::Unavailable`] where it cannot be read; [`BasisError::Inconsistent`] where it is not what it should be.
+    /// [`BasisError::Unavailable`] where it cannot be read; [`BasisError::Inconsistent`] where it is not what it should
+    /// be.
     pub fn chunk(&self, index: usize) -> Result<Arc<ColumnChunk>, BasisError> {
         let chunk = match &self.place {
             Place::Memory(chunks) => chunks.get(index).cloned().ok_or(BasisError::Inconsistent)?,

@@ -1,5 +1,5 @@
-//! Working in a basis: lifting modes, evaluating combinations, projecting functions. A compact basis works through `U (φ̄ v)`, a dense
-//! one chunk by chunk of its columns: never with all of `Φ` at once.
+//! Working in a basis: lifting modes, evaluating combinations, projecting functions. A compact basis works through
+//! `U (φ̄ v)`, a dense one chunk by chunk of its columns: never with all of `Φ` at once.
 
 use std::ops::Range;
 
@@ -60,7 +60,8 @@ pub enum BasisError {
 const ROWS_PER_TASK: usize = 1024;
 
 impl Basis {
-    /// Modes `range` on the vertices: `n` values for each mode, mode after mode. Of a dense basis, only their chunks are read.
+    /// Modes `range` on the vertices: `n` values for each mode, mode after mode. Of a dense basis, only their chunks
+    /// are read.
     ///
     /// # Errors
     /// [`BasisError::Modes`] where the range leaves the basis; [`BasisError::Unavailable`].
@@ -146,11 +147,12 @@ impl Basis {
         }
     }
 
-    /// `c = ΦᵀM x`, `m × k`, and `Φ F c`, `n × k`, with a diagonal `F` of `m` factors: as [`project`](Self::project) and
-    /// [`evaluate`](Self::evaluate), but a dense basis is read only once.
+    /// `c = ΦᵀM x`, `m × k`, and `Φ F c`, `n × k`, with a diagonal `F` of `m` factors: as [`project`](Self::project)
+    /// and [`evaluate`](Self::evaluate), but a dense basis is read only once.
     ///
     /// # Errors
-    /// [`BasisError::Rows`] unless `x` has a row for each vertex and there is a factor for each mode; [`BasisError::Unavailable`].
+    /// [`BasisError::Rows`] unless `x` has a row for each vertex and there is a factor for each mode;
+    /// [`BasisError::Unavailable`].
     pub fn apply_diagonal(&self, x: &DenseMatrix, factors: &[f64]) -> Result<(DenseMatrix, DenseMatrix), BasisError> {
         self.check_rows(x)?;
         if factors.len() != self.count() {

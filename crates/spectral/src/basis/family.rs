@@ -3,10 +3,12 @@
 use chladni_algebra::{DenseMatrix, MassMatrix, row_parts};
 use chladni_base::parallel::*;
 
-/// `S`, `A` and the curvature potential `V` in one space of `d` functions on `n` vertices, in the Ritz coordinates of `S`.
+/// `S`, `A` and the curvature potential `V` in one space of `d` functions on `n` vertices, in the Ritz coordinates of
+/// `S`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FamilyBasis {
-    /// `W`, `n × d`, one column after the other: the Ritz vectors of the Laplacian in the space; `WᵀMW = I` for the mass of the input.
+    /// `W`, `n × d`, one column after the other: the Ritz vectors of the Laplacian in the space; `WᵀMW = I` for the
+    /// mass of the input.
     pub functions: Vec<f32>,
     /// `d` Ritz values of the Laplacian, ascending, in 1/length² of the input: the diagonal of `WᵀSW`.
     pub eigenvalues: Vec<f64>,

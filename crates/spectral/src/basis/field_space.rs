@@ -6,8 +6,8 @@ use chladni_base::parallel::*;
 /// Faces that one task handles.
 const FACES_PER_TASK: usize = 4096;
 
-/// A sparse basis `U` of fields, `B F × d` with `B = 2` or `3` numbers per face: first the columns of the groups, `B` each, then columns that are
-/// dense.
+/// A sparse basis `U` of fields, `B F × d` with `B = 2` or `3` numbers per face: first the columns of the groups, `B`
+/// each, then columns that are dense.
 ///
 /// Face-major: the blocks of a face lie together, so that lifting is one pass over memory.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,8 +28,8 @@ pub struct FieldSpace {
 pub struct SpaceError(pub &'static str);
 
 impl FieldSpace {
-    /// A space from its parts: `offsets` (`F + 1`) say where the entries of each face begin, `group_of` is ascending within a face, `values` holds
-    /// `block²` numbers for each entry, `dense` columns of `block · F` numbers.
+    /// A space from its parts: `offsets` (`F + 1`) say where the entries of each face begin, `group_of` is ascending
+    /// within a face, `values` holds `block²` numbers for each entry, `dense` columns of `block · F` numbers.
     ///
     /// # Errors
     /// [`SpaceError`] says which part does not fit.
@@ -195,7 +195,8 @@ impl FieldSpace {
         Some(field)
     }
 
-    /// The rows of some faces of `U x`: `block` numbers for each, in their order. `None` unless `x` has `d` numbers and all faces are there.
+    /// The rows of some faces of `U x`: `block` numbers for each, in their order. `None` unless `x` has `d` numbers and
+    /// all faces are there.
     pub fn lift_faces(&self, x: &[f32], faces: &[u32]) -> Option<Vec<f32>> {
         if x.len() != self.dimension() || faces.iter().any(|&face| face as usize >= self.faces()) {
             return None;
@@ -243,7 +244,8 @@ impl FieldSpace {
         });
     }
 
-    /// `Uᵀ y` for `block` numbers per face, in double precision. Sums are formed in pieces that do not depend on the number of threads.
+    /// `Uᵀ y` for `block` numbers per face, in double precision. Sums are formed in pieces that do not depend on the
+    /// number of threads.
     ///
     /// # Panics
     /// Unless `y` has `block` numbers for each face.

@@ -11,7 +11,8 @@ pub const MAP_COLLECTION: &str = "map_collection";
 pub struct StoredMaps {
     /// Vertices of each shape.
     pub vertices: Vec<usize>,
-    /// For each shape, for each vertex of the file that it came from that of the shape, −1 where it was dropped; nothing where that is not known.
+    /// For each shape, for each vertex of the file that it came from that of the shape, −1 where it was dropped;
+    /// nothing where that is not known.
     pub vertex_maps: Vec<Vec<i32>>,
     /// A map for each ordered pair of shapes: by source, then by target.
     pub maps: Vec<StoredMap>,
@@ -34,7 +35,8 @@ pub struct StoredMap {
     pub disagreement: f64,
 }
 
-/// How far points are from where they started after a walk around, as straight distances over the root of the area of their surface.
+/// How far points are from where they started after a walk around, as straight distances over the root of the area of
+/// their surface.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct CycleErrors {
     /// There and back: the mean over all ordered pairs.
@@ -71,7 +73,8 @@ impl StoredMaps {
         ordered_pairs(self.shapes()).zip(&self.maps)
     }
 
-    /// What is told of the maps without their numbers: cycles, and of each pair its disagreement and the mean of its confidences.
+    /// What is told of the maps without their numbers: cycles, and of each pair its disagreement and the mean of its
+    /// confidences.
     pub fn report(&self) -> serde_json::Value {
         let maps = self.each().map(|((source, target), map)| {
             let sum: f64 = map.confidences.iter().map(|&confidence| f64::from(confidence)).sum();

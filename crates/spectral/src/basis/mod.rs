@@ -1,5 +1,6 @@
-//! Products: what jobs leave in the store. An eigenbasis has eigenfunctions, eigenvalues and a certificate; its eigenfunctions are kept
-//! compactly, as a sparse factor times a dense one, or densely, as columns. A field basis has a sparse space of tangential fields.
+//! Products: what jobs leave in the store. An eigenbasis has eigenfunctions, eigenvalues and a certificate; its
+//! eigenfunctions are kept compactly, as a sparse factor times a dense one, or densely, as columns. A field basis has a
+//! sparse space of tangential fields.
 
 mod certificate;
 mod dense;
@@ -49,7 +50,8 @@ pub struct Basis {
 }
 
 impl Basis {
-    /// Whether its rows are the vertices of a solid, those of the surface first, and distances between them run through its inside.
+    /// Whether its rows are the vertices of a solid, those of the surface first, and distances between them run through
+    /// its inside.
     pub fn is_of_solid(&self) -> bool {
         self.metadata["operator"]["laplacian"] == "volume"
     }
@@ -72,8 +74,8 @@ pub enum Functions {
 /// Eigenfunctions as a product of two factors: `Φ = U φ̄`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Compact {
-    /// `U`, `n × d`, in single precision: the reduced problem was formed with these very values, so nothing is lost by storing
-    /// them so.
+    /// `U`, `n × d`, in single precision: the reduced problem was formed with these very values, so nothing is lost by
+    /// storing them so.
     pub space: SparseMatrix<f32>,
     /// `φ̄`, `d × m`, one column per eigenfunction.
     pub coefficients: DenseMatrix,
@@ -81,7 +83,8 @@ pub struct Compact {
     pairs: Cached<squares::Pairs>,
 }
 
-/// Something that follows from the rest of a value, and is kept from when it is first needed. It makes no difference between values.
+/// Something that follows from the rest of a value, and is kept from when it is first needed. It makes no difference
+/// between values.
 #[derive(Debug)]
 struct Cached<T>(OnceLock<Arc<T>>);
 
@@ -92,7 +95,8 @@ impl<T> Clone for Cached<T> {
 }
 
 impl<T> Cached<T> {
-    /// What is kept, or what is made now. Nobody waits for another to make it: who waits in a pool of threads may be given work that needs the same.
+    /// What is kept, or what is made now. Nobody waits for another to make it: who waits in a pool of threads may be
+    /// given work that needs the same.
     fn get_or(&self, make: impl FnOnce() -> T) -> Arc<T> {
         if let Some(kept) = self.0.get() {
             return kept.clone();
@@ -148,8 +152,8 @@ impl Basis {
         self.eigenvalues.len()
     }
 
-    /// The bytes that eigenfunctions and eigenvalues take as stored. Of a compact basis: four for each value and column index of
-    /// `U`, four for each row offset, eight for each coefficient and eigenvalue.
+    /// The bytes that eigenfunctions and eigenvalues take as stored. Of a compact basis: four for each value and column
+    /// index of `U`, four for each row offset, eight for each coefficient and eigenvalue.
     pub fn stored_bytes(&self) -> u64 {
         let functions = match &self.functions {
             Functions::Compact(Compact { space, coefficients, .. }) => {
@@ -160,7 +164,8 @@ impl Basis {
         functions + 8 * self.eigenvalues.len() as u64
     }
 
-    /// The bytes that the basis may come to hold in memory besides what is stored, once it is used: tables of a compact one.
+    /// The bytes that the basis may come to hold in memory besides what is stored, once it is used: tables of a compact
+    /// one.
     pub fn derived_bytes(&self) -> u64 {
         self.compact().map_or(0, |compact| squares::Pairs::bytes(&compact.space))
     }

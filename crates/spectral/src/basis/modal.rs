@@ -23,8 +23,8 @@ pub struct ModalBasis {
     pub rest: Vec<[f32; 3]>,
     /// The unit of `rest`.
     pub length: f64,
-    /// A motion `A (1, x)` of every part, part after part, `12 parts × m`: row `12 part + 4 axis + k` has the factor of the k-th of
-    /// `(1, x, y, z)`, positions as in `rest`.
+    /// A motion `A (1, x)` of every part, part after part, `12 parts × m`: row `12 part + 4 axis + k` has the factor of
+    /// the k-th of `(1, x, y, z)`, positions as in `rest`.
     pub affine: DenseMatrix,
     /// What is added to it.
     pub functions: ModalFunctions,
@@ -178,10 +178,12 @@ impl ModalBasis {
     }
 }
 
-/// Lifts states `Φ q` in single precision, which is far below what a mode is known to. Keeps the coefficients in the order it reads them.
+/// Lifts states `Φ q` in single precision, which is far below what a mode is known to. Keeps the coefficients in the
+/// order it reads them.
 pub struct ModalLifter<'a> {
     basis: &'a ModalBasis,
-    /// For each column of the space and axis the `m` coefficients, one after the other; 4 rows a column, of which the last is not kept.
+    /// For each column of the space and axis the `m` coefficients, one after the other; 4 rows a column, of which the
+    /// last is not kept.
     coefficients: Vec<f32>,
 }
 
@@ -206,8 +208,8 @@ impl<'a> ModalLifter<'a> {
         Self { basis, coefficients }
     }
 
-    /// The displacements of all vertices, three numbers each, in the state with the `m` coordinates `q`; coordinates that are not there count
-    /// as zero. On the threads of the pool it is called from.
+    /// The displacements of all vertices, three numbers each, in the state with the `m` coordinates `q`; coordinates
+    /// that are not there count as zero. On the threads of the pool it is called from.
     pub fn lift(&self, q: &[f64], out: &mut [f32]) {
         let basis = self.basis;
         let (m, n) = (basis.count(), basis.vertices());
@@ -259,7 +261,8 @@ impl<'a> ModalLifter<'a> {
                         *out = start(from + k);
                     }
                     let length = out.len();
-                    // A mode that takes no part is not read: a single one is lifted for its own sake as often as a state.
+                    // A mode that takes no part is not read: a single one is lifted for its own sake as often as a
+                    // state.
                     let parts = functions.chunks_exact((3 * n).max(1)).zip(&narrow).filter(|(_, q)| **q != 0.0);
                     for (mode, q) in parts {
                         let there = &mode[(3 * from).min(3 * n)..(3 * from + length).min(3 * n)];

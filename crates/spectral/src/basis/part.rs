@@ -13,7 +13,8 @@ pub(crate) const SHARED: usize = 8;
 /// Numbers of the problem on two machines differ by rounding: relative to themselves, by no more than this.
 const SAME_NUMBERS: f64 = 1e-9;
 
-/// What a problem says about itself: products of its matrices with random vectors, which are no others on another machine than rounding makes them.
+/// What a problem says about itself: products of its matrices with random vectors, which are no others on another
+/// machine than rounding makes them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Fingerprint {
     /// Rows of the matrices.
@@ -52,7 +53,8 @@ pub struct PartPlan {
     pub tolerance: f64,
     /// Seeds everything that is drawn at random.
     pub seed: u64,
-    /// Of an approximation the functions that its pairs are made of; parts are of the surface then, and not of the spectrum.
+    /// Of an approximation the functions that its pairs are made of; parts are of the surface then, and not of the
+    /// spectrum.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub columns: Option<usize>,
 }
@@ -88,7 +90,8 @@ impl PartPlan {
     }
 }
 
-/// A count of the eigenvalues below a shift, those of the kernel included: at least those below `shift − radius`, at most those below `shift + radius`.
+/// A count of the eigenvalues below a shift, those of the kernel included: at least those below `shift − radius`, at
+/// most those below `shift + radius`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PartCount {
     /// The shift, on unit area.
@@ -115,7 +118,8 @@ pub struct PartSlice {
 /// How many sums a part of an approximation has for each pair.
 pub const NUMBERS_OF_SHARE: usize = 14;
 
-/// Of an approximation, what one part of the surface holds of it: all pairs, the functions at its own unknowns, and what the pairs miss there.
+/// Of an approximation, what one part of the surface holds of it: all pairs, the functions at its own unknowns, and
+/// what the pairs miss there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PartShare {
     /// The unknowns of this part, ascending.
@@ -147,7 +151,8 @@ pub struct Part {
     pub share: Option<PartShare>,
 }
 
-/// A part as it is kept until it is joined: the bytes of its NPZ file, and what its head says. It is decoded when its turn comes.
+/// A part as it is kept until it is joined: the bytes of its NPZ file, and what its head says. It is decoded when its
+/// turn comes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StoredPart {
     content: Vec<u8>,

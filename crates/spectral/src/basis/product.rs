@@ -1,6 +1,7 @@
 //! What jobs leave in the store: a closed set of kinds. Each is one NPZ file and one summary.
 //!
-//! A further kind is a variant of [`Product`] and of [`ProductKind`], a file in `formats/npz/` that writes and reads it, and a summary.
+//! A further kind is a variant of [`Product`] and of [`ProductKind`], a file in `formats/npz/` that writes and reads
+//! it, and a summary.
 
 use std::sync::Arc;
 
@@ -236,7 +237,8 @@ impl Product {
         }
     }
 
-    /// Adds members to what is told of how the product was made; not to a part, which says of itself what the join needs.
+    /// Adds members to what is told of how the product was made; not to a part, which says of itself what the join
+    /// needs.
     pub fn describe(&mut self, members: Map<String, Value>) {
         let metadata = match self {
             Self::Eigenbasis(basis) | Self::PencilBasis(basis) => &mut Arc::make_mut(basis).metadata,

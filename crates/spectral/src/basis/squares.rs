@@ -1,4 +1,5 @@
-//! Values at single vertices, and sums of squares of eigenfunctions on all of them: what distances and signatures are made of.
+//! Values at single vertices, and sums of squares of eigenfunctions on all of them: what distances and signatures are
+//! made of.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -103,8 +104,8 @@ impl Basis {
 
     /// `Σ_k w_kt φ_k(x)²` at every vertex `x`, for columns of weights `w`, `m × t`: `n × t`.
     ///
-    /// A compact basis does not lift its modes for this: the sum is a quadratic form in the row of `U`, whose entries `Σ_k w_k φ̄_ak φ̄_bk`
-    /// are needed only for pairs of columns `a`, `b` that share a vertex.
+    /// A compact basis does not lift its modes for this: the sum is a quadratic form in the row of `U`, whose entries
+    /// `Σ_k w_k φ̄_ak φ̄_bk` are needed only for pairs of columns `a`, `b` that share a vertex.
     ///
     /// # Errors
     /// [`BasisError::Rows`] unless there is a weight for each mode; [`BasisError::Unavailable`].
@@ -324,7 +325,8 @@ impl Pairs {
         sums
     }
 
-    /// For no pair and then for each of the pairs `Σ_k w_k φ̄_ak φ̄_bk` with at most `K` columns of weights, twice that off the diagonal.
+    /// For no pair and then for each of the pairs `Σ_k w_k φ̄_ak φ̄_bk` with at most `K` columns of weights, twice that
+    /// off the diagonal.
     fn forms<const K: usize>(
         &self,
         rows: &[[f64; LANES]],

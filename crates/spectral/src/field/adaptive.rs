@@ -1,8 +1,8 @@
-//! Weights per face from example fields: columns are small where fields like the examples change fast, and large where nothing happens
-//! (thesis, section 3.4, adaptive subspaces).
+//! Weights per face from example fields: columns are small where fields like the examples change fast, and large where
+//! nothing happens (thesis, section 3.4, adaptive subspaces).
 //!
-//! A column of width `h` leaves an error of about `h² |Δu|`. For a given number of columns the error in the mean square is least where `1/h`, the
-//! weight, is proportional to `|Δu|^{1/3}`.
+//! A column of width `h` leaves an error of about `h² |Δu|`. For a given number of columns the error in the mean square
+//! is least where `1/h`, the weight, is proportional to `|Δu|^{1/3}`.
 
 use chladni_base::Monitor;
 use chladni_mesh::dual::NO_FACE;
@@ -19,7 +19,8 @@ const LEAST: f64 = 0.1;
 /// How often what a face says is averaged with its neighbours: columns that overlap have to agree.
 const AVERAGES: usize = 40;
 
-/// Weights for [`super::FieldParameters::weights`], one per face, the largest 1, from one example field or more of `block` numbers per face.
+/// Weights for [`super::FieldParameters::weights`], one per face, the largest 1, from one example field or more of
+/// `block` numbers per face.
 ///
 /// # Errors
 /// [`FieldError::Example`]: no field, one of another length, or numbers that are not finite; [`FieldError::Operator`], cancellation.

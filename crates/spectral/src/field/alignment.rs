@@ -39,7 +39,8 @@ pub struct Alignment {
 }
 
 impl Alignment {
-    /// The inverse of both energies with so much of it, on the factor of a sum nearby where there is one; `None` without weights per face.
+    /// The inverse of both energies with so much of it, on the factor of a sum nearby where there is one; `None`
+    /// without weights per face.
     ///
     /// # Errors
     /// [`FactorError`].
@@ -62,9 +63,10 @@ impl Alignment {
 impl DesignModel {
     /// A field to stay close to: `block` numbers per face in the frames, and optionally a weight per face.
     ///
-    /// `areas` are those of the faces, on unit area, as [`crate::operator::frames::FaceFrames::areas`] gives them. Without weights this is one pass
-    /// over the space; with weights per face it forms `UᵀMWU`, sparse like `M̄`, once, and every choice of weights after it takes a sparse
-    /// factorisation, since the sum is not diagonal in Ritz coordinates.
+    /// `areas` are those of the faces, on unit area, as [`crate::operator::frames::FaceFrames::areas`] gives them.
+    /// Without weights this is one pass over the space; with weights per face it forms `UᵀMWU`, sparse like `M̄`, once,
+    /// and every choice of weights after it takes a sparse factorisation, since the sum is not diagonal in Ritz
+    /// coordinates.
     ///
     /// # Errors
     /// [`DesignError`]: lengths that do not fit, numbers that are not finite, negative weights.
@@ -129,7 +131,8 @@ impl DesignModel {
     }
 }
 
-/// A [`PrescribedField`] projected to a space: the part of a design that gives it its singularities. Turned as a whole to fit the constraints.
+/// A [`PrescribedField`] projected to a space: the part of a design that gives it its singularities. Turned as a whole
+/// to fit the constraints.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prescription {
     pub(super) field: PrescribedField,
@@ -144,8 +147,8 @@ impl Prescription {
         &self.field
     }
 
-    /// The field itself, of unit length with the prescribed singularities and no others, on each component turned to fit the constraints there; as it
-    /// is stored, with the matching that goes with it.
+    /// The field itself, of unit length with the prescribed singularities and no others, on each component turned to
+    /// fit the constraints there; as it is stored, with the matching that goes with it.
     pub fn exact(&self, surface: &FieldSurface, constraints: &[Constraint]) -> (Vec<f32>, Vec<Matching>) {
         let (components, count) = surface.dual().components();
         let turns: Vec<Planar> = (0..count as u32)

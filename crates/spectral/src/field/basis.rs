@@ -104,8 +104,8 @@ pub struct FieldParameters {
     /// One positive weight per face: where it is large, columns are smaller and denser.
     #[serde(default)]
     pub weights: Option<Vec<f64>>,
-    /// Whether spaces of vector fields carry the harmonic fields of the surface as dense columns; without them no field that runs around a handle is
-    /// near the space.
+    /// Whether spaces of vector fields carry the harmonic fields of the surface as dense columns; without them no field
+    /// that runs around a handle is near the space.
     #[serde(default = "yes")]
     pub harmonic_fields: bool,
     /// Draws the first sample.
@@ -346,7 +346,8 @@ fn times_masses(field: &[f64], masses: &[f64], block: usize) -> Vec<f64> {
     field.iter().enumerate().map(|(i, x)| masses[i / block] * x).collect()
 }
 
-/// A matrix restricted to the local columns of a space with rows and columns added for dense fields, of which `image` gives the products.
+/// A matrix restricted to the local columns of a space with rows and columns added for dense fields, of which `image`
+/// gives the products.
 fn border(
     space: &FieldSpace,
     fields: &[Vec<f32>],
@@ -385,8 +386,8 @@ pub(super) fn restricted(
     Ok(border(space, space.dense(), local, |field| times_masses(field, weights, b)))
 }
 
-/// `B̄ = UᵀSM⁻¹SU`, the biharmonic energy of the thesis by the letter, for [`super::DesignModel::with_biharmonic`]. It holds the energy of the noise
-/// that a space has at the spacing of its samples; designs with much of it are far off.
+/// `B̄ = UᵀSM⁻¹SU`, the biharmonic energy of the thesis by the letter, for [`super::DesignModel::with_biharmonic`]. It
+/// holds the energy of the noise that a space has at the spacing of its samples; designs with much of it are far off.
 ///
 /// # Errors
 /// [`FieldError`]: a basis of another surface, or the work was cancelled.

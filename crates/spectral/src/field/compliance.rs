@@ -34,7 +34,8 @@ impl Compliance {
         Self { faces, values, slacks, moved, strengths }
     }
 
-    /// Strengths by what all fields of a surface resist with, where `yields` tells what unit pulls at some faces move there.
+    /// Strengths by what all fields of a surface resist with, where `yields` tells what unit pulls at some faces move
+    /// there.
     ///
     /// # Errors
     /// Those of `yields`.

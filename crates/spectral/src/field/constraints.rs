@@ -1,4 +1,5 @@
-//! Constraints as they are given, whether they can be used and which say the same; and as the conditions that they become.
+//! Constraints as they are given, whether they can be used and which say the same; and as the conditions that they
+//! become.
 
 use chladni_algebra::DenseMatrix;
 
@@ -71,7 +72,8 @@ pub(super) enum Slack {
     Weight(f64),
     /// A share of what a unit pull moves.
     Share(f64),
-    /// So that alone the condition misses about this share of its length, what has no energy left out: see [`super::slack`].
+    /// So that alone the condition misses about this share of its length, what has no energy left out: see
+    /// [`super::slack`].
     Own(f64),
 }
 
@@ -115,7 +117,8 @@ pub(super) fn near(rows: &DenseMatrix, condition: &Condition, columns: std::ops:
     product > NEAR * (own * wanted).sqrt()
 }
 
-/// For each constraint the length of what is missing; `number` tells the numbers of the field at those without repetitions.
+/// For each constraint the length of what is missing; `number` tells the numbers of the field at those without
+/// repetitions.
 pub(super) fn residuals(
     kept: &[usize],
     constraints: &[Constraint],

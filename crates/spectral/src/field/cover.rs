@@ -1,7 +1,8 @@
 //! Every face is in a column.
 //!
-//! On needles a billion times as long as wide, single precision has no room for what a heat step multiplies with, and a column comes out with blocks
-//! that are no numbers, or none, on some faces. Those faces take the columns of a neighbour, carried over the edge between them.
+//! On needles a billion times as long as wide, single precision has no room for what a heat step multiplies with, and a
+//! column comes out with blocks that are no numbers, or none, on some faces. Those faces take the columns of a
+//! neighbour, carried over the edge between them.
 
 use chladni_mesh::dual::{DualGraph, NO_FACE};
 
@@ -11,7 +12,8 @@ use crate::operator::transport::{FieldKind, transport_block, turn};
 use super::smooth::Small;
 use super::space::Column;
 
-/// Drops blocks that are no numbers, and has faces that are then in no column take those of the nearest that are in some.
+/// Drops blocks that are no numbers, and has faces that are then in no column take those of the nearest that are in
+/// some.
 pub(super) fn cover<const B: usize>(columns: &mut [Column<B>], kind: FieldKind, dual: &DualGraph, frames: &FaceFrames) {
     let mut covered = vec![false; dual.faces()];
     for column in columns.iter_mut() {

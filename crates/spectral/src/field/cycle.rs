@@ -1,7 +1,9 @@
-//! Multigrid cycles for `S + γM` on all faces, any γ > 0, in single precision: what preconditions solves in the space of all fields.
+//! Multigrid cycles for `S + γM` on all faces, any γ > 0, in single precision: what preconditions solves in the space
+//! of all fields.
 //!
-//! The levels are those of [`super::hierarchy`]; γ may differ from call to call, so that one hierarchy serves every choice of weights. The smoother
-//! is a Chebyshev polynomial, the same before and after the coarse correction: a cycle is symmetric and positive definite.
+//! The levels are those of [`super::hierarchy`]; γ may differ from call to call, so that one hierarchy serves every
+//! choice of weights. The smoother is a Chebyshev polynomial, the same before and after the coarse correction: a cycle
+//! is symmetric and positive definite.
 
 use chladni_algebra::{BlockMatrix, DefiniteFactor, DenseMatrix, vectorized};
 use chladni_base::parallel::*;
@@ -10,7 +12,8 @@ use chladni_base::{Cancelled, Monitor};
 use super::hierarchy::{Level, row_scales};
 use super::smooth::{CYCLE_DEGREE, CYCLE_LEAST, Rows, Small, chebyshev};
 
-/// Degree of the smoother and the lower end of what it damps on the coarsest level, where that is too large to be factored.
+/// Degree of the smoother and the lower end of what it damps on the coarsest level, where that is too large to be
+/// factored.
 const LAST_DEGREE: usize = 16;
 const LAST_LEAST: f32 = 0.005;
 
@@ -41,7 +44,8 @@ struct Grid<const B: usize> {
     transfer: Option<(Rows<B>, Rows<B>)>,
 }
 
-/// For each number of a vector, in parallel. `act` is to be inlined always, so that it is compiled for the vector units at hand.
+/// For each number of a vector, in parallel. `act` is to be inlined always, so that it is compiled for the vector units
+/// at hand.
 fn each<T: Send>(vector: &mut [T], act: impl Fn(usize, &mut T) + Sync) {
     vector.par_chunks_mut(ROWS).enumerate().for_each(|(task, chunk)| {
         vectorized(

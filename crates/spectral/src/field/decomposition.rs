@@ -1,8 +1,9 @@
-//! Hodge decomposition of a tangential vector field: a gradient, a co-gradient and a harmonic field, orthogonal to each other.
+//! Hodge decomposition of a tangential vector field: a gradient, a co-gradient and a harmonic field, orthogonal to each
+//! other.
 //!
-//! `X = G u + J G* v + H` with the conforming gradient `G` of hat functions and the non-conforming gradient `G*` of Crouzeix–Raviart functions
-//! (Polthier and Preuß 2003; thesis, section 3.1). At a boundary one of the two has no functions, or the parts would not be orthogonal: see
-//! [`FieldBoundary`].
+//! `X = G u + J G* v + H` with the conforming gradient `G` of hat functions and the non-conforming gradient `G*` of
+//! Crouzeix–Raviart functions (Polthier and Preuß 2003; thesis, section 3.1). At a boundary one of the two has no
+//! functions, or the parts would not be orthogonal: see [`FieldBoundary`].
 
 use chladni_algebra::FactorError;
 use chladni_base::Monitor;
@@ -28,14 +29,15 @@ pub struct HodgeParts {
     pub cogradient: Vec<f64>,
     /// Neither.
     pub harmonic: Vec<f64>,
-    /// `u` at the vertices, in the units of the mesh times those of the field; its integral over each component that has no boundary values is zero
-    /// up to rounding.
+    /// `u` at the vertices, in the units of the mesh times those of the field; its integral over each component that
+    /// has no boundary values is zero up to rounding.
     pub potential: Vec<f64>,
 }
 
 /// Functions, three on each face, of which the gradients are one part.
 struct Potentials {
-    /// For each face the functions of its corners, or of the edges opposite to them; those that are held at zero are none.
+    /// For each face the functions of its corners, or of the edges opposite to them; those that are held at zero are
+    /// none.
     functions: Vec<[u32; 3]>,
     /// The gradient of function `k` on a face is `scale · J e_k / A`.
     scale: f64,
@@ -46,8 +48,9 @@ struct Potentials {
 /// Of a face's three functions, one that is held at zero.
 const HELD: u32 = u32::MAX;
 
-/// A function whose energy is below this share of what functions have on average says nothing of any field: all of its gradients lie on faces without
-/// area, as those of an edge do whose ends coincide. It is held near zero, or the matrix would be singular.
+/// A function whose energy is below this share of what functions have on average says nothing of any field: all of its
+/// gradients lie on faces without area, as those of an edge do whose ends coincide. It is held near zero, or the matrix
+/// would be singular.
 const IDLE: f64 = 1e-9;
 
 impl HodgeDecomposition {
@@ -169,7 +172,8 @@ impl Potentials {
         Ok(Self { functions, scale, factor })
     }
 
-    /// Makes the matrix definite: one function of each component is tied to zero where none is held, as are those of no face.
+    /// Makes the matrix definite: one function of each component is tied to zero where none is held, as are those of no
+    /// face.
     fn ground(surface: &FieldSurface, functions: &[[u32; 3]], size: usize, entries: &mut Vec<(u32, u32, f64)>) {
         let (components, count) = surface.dual().components();
         let (mut seen, mut tied, mut held) = (vec![false; size], vec![None; count], vec![false; count]);
@@ -285,7 +289,8 @@ mod tests {
                 ] {
                     assert!(product(&surface, a, b).abs() < 1e-10 * norm, "{boundary:?}");
                 }
-                // What is left is what the harmonic fields of loops span, which were found without either Laplacian of the other part.
+                // What is left is what the harmonic fields of loops span, which were found without either Laplacian of
+                // the other part.
                 let mut rest = parts.harmonic.clone();
                 for one in harmonic_fields(&surface, boundary, &Unwatched).unwrap() {
                     let share = product(&surface, &one, &field);

@@ -1,13 +1,14 @@
-//! Designing fields in a reduced space: weighted harmonic and biharmonic energies, soft and hard constraints, alignment to a field
-//! (thesis, eqs. 3.8 to 3.11).
+//! Designing fields in a reduced space: weighted harmonic and biharmonic energies, soft and hard constraints, alignment
+//! to a field (thesis, eqs. 3.8 to 3.11).
 //!
-//! In spaces of up to [`MOST_DIMENSIONS`] dimensions one dense eigenproblem at set-up makes both energies diagonal: `Λ` and `Λ²` in Ritz coordinates
-//! `z`, `x = X z`. The biharmonic energy is thereby `B̃ = S̄ M̄⁻¹ S̄`, that of the projected Laplacian; `UᵀSM⁻¹SU` would see the noise of the basis
-//! at the spacing of the samples, and its minimisers are useless. New weights then cost nothing and `k` constraints a system of their own size:
+//! In spaces of up to [`MOST_DIMENSIONS`] dimensions one dense eigenproblem at set-up makes both energies diagonal: `Λ`
+//! and `Λ²` in Ritz coordinates `z`, `x = X z`. The biharmonic energy is thereby `B̃ = S̄ M̄⁻¹ S̄`, that of the
+//! projected Laplacian; `UᵀSM⁻¹SU` would see the noise of the basis at the spacing of the samples, and its minimisers
+//! are useless. New weights then cost nothing and `k` constraints a system of their own size:
 //! `z = z₀ + K⁻¹Cᵀ (W⁻¹ + C K⁻¹ Cᵀ)⁻¹ (c − C z₀)`, where hard constraints have `W⁻¹ = 0` (the Schur complement).
 //!
-//! In larger spaces, for alignments with weights per face and for the full biharmonic energy `K⁻¹` is a sparse factor (see [`super::pencil`]), made
-//! once for given weights.
+//! In larger spaces, for alignments with weights per face and for the full biharmonic energy `K⁻¹` is a sparse factor
+//! (see [`super::pencil`]), made once for given weights.
 
 use std::sync::{Arc, OnceLock};
 
@@ -164,8 +165,9 @@ pub struct Constraint {
 /// How firmly a constraint holds a field.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Hold {
-    /// Softly, against what the field resists with at this face: a lone constraint of strength `s` misses the share `1 / (1 + 100 s)` of its length,
-    /// whatever the surface, its scale, the energies and the space. At 1 that is a percent.
+    /// Softly, against what the field resists with at this face: a lone constraint of strength `s` misses the share
+    /// `1 / (1 + 100 s)` of its length, whatever the surface, its scale, the energies and the space. At 1 that is a
+    /// percent.
     Strength(f64),
     /// Softly, with a weight of the squared deviation on the surface of unit area.
     Weight(f64),
@@ -192,8 +194,8 @@ pub(super) const FIRM: f64 = 100.0;
 
 /// Weights of the energies, on the surface of unit area.
 ///
-/// With points alone and no biharmonic energy there is no answer: a field of finite harmonic energy has no value at a point, and what a space gives
-/// depends on its dimension. See [`BENDING`].
+/// With points alone and no biharmonic energy there is no answer: a field of finite harmonic energy has no value at a
+/// point, and what a space gives depends on its dimension. See [`BENDING`].
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EnergyWeights {
@@ -203,8 +205,8 @@ pub struct EnergyWeights {
     pub biharmonic: f64,
 }
 
-/// The biharmonic weight that goes with a harmonic weight of 1 where nobody says otherwise: below a length of `√BENDING`, of a surface of unit area,
-/// the energy that takes values at points rules, above it the harmonic one.
+/// The biharmonic weight that goes with a harmonic weight of 1 where nobody says otherwise: below a length of
+/// `√BENDING`, of a surface of unit area, the energy that takes values at points rules, above it the harmonic one.
 pub const BENDING: f64 = 0.05;
 
 impl Default for EnergyWeights {
@@ -224,7 +226,8 @@ pub struct Design {
     pub harmonic_energy: f64,
     /// `xᵀ B̃ x`.
     pub biharmonic_energy: f64,
-    /// The deviation from the fields to stay close to, `Σ a w |u − target|²`, added up; a prescribed field is one of them.
+    /// The deviation from the fields to stay close to, `Σ a w |u − target|²`, added up; a prescribed field is one of
+    /// them.
     pub alignment_energy: Option<f64>,
     /// For each constraint the length of `u − value`.
     pub residuals: Vec<f64>,
@@ -255,7 +258,8 @@ impl DesignModel {
         Ok(Self { kind: basis.kind, dimension: d, ritz, pencil: None, bending: Bending::default() })
     }
 
-    /// A model without Ritz coordinates, for spaces of any size: ready at once, but every choice of weights takes a sparse factorisation.
+    /// A model without Ritz coordinates, for spaces of any size: ready at once, but every choice of weights takes a
+    /// sparse factorisation.
     pub fn sparse(basis: &FieldBasis) -> Self {
         let d = basis.stiffness.rows();
         let ritz = Arc::new(RitzFields { values: Vec::new(), vectors: Vec::new() });
@@ -275,8 +279,8 @@ impl DesignModel {
         &self.ritz
     }
 
-    /// The same space with the biharmonic energy of a given matrix, `d × d`, in the place of `B̃ = S̄ M̄⁻¹ S̄`: for comparison, with
-    /// `B̄ = UᵀSM⁻¹SU` of [`super::full_biharmonic`]. Weights then take a sparse factorisation.
+    /// The same space with the biharmonic energy of a given matrix, `d × d`, in the place of `B̃ = S̄ M̄⁻¹ S̄`: for
+    /// comparison, with `B̄ = UᵀSM⁻¹SU` of [`super::full_biharmonic`]. Weights then take a sparse factorisation.
     ///
     /// # Errors
     /// [`DesignError::Length`]: a basis or a matrix of another size.
@@ -296,7 +300,8 @@ impl DesignModel {
         self.dimension
     }
 
-    /// The coefficients of the `k`-th approximate eigenfield, of unit norm on unit area; zeros beyond the last, and without Ritz coordinates.
+    /// The coefficients of the `k`-th approximate eigenfield, of unit norm on unit area; zeros beyond the last, and
+    /// without Ritz coordinates.
     pub fn eigenfield(&self, k: usize) -> Vec<f32> {
         if !self.has_ritz() {
             return vec![0.0; self.dimension];

@@ -1,5 +1,5 @@
-//! Sparse factors of `S + γM` on all faces: where there is room for them they take the place of multigrid cycles, and a field is designed among all
-//! in the time of two substitutions (see [`super::least`]).
+//! Sparse factors of `S + γM` on all faces: where there is room for them they take the place of multigrid cycles, and a
+//! field is designed among all in the time of two substitutions (see [`super::least`]).
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -16,13 +16,14 @@ use crate::operator::transport::FieldKind;
 /// The bytes that factors may take where nobody says how many there are.
 pub const USUAL_ROOM: u64 = 1 << 30;
 
-/// Bytes of two factors and of what is kept beside them, for each face, number of a block squared and halving of the surface: what scanned surfaces
-/// take, which fill in less than others. Operators that couple the faces around vertices fill in more than four times as much as those that couple
-/// neighbours.
+/// Bytes of two factors and of what is kept beside them, for each face, number of a block squared and halving of the
+/// surface: what scanned surfaces take, which fill in less than others. Operators that couple the faces around vertices
+/// fill in more than four times as much as those that couple neighbours.
 const EXPECTED: f64 = 18.0;
 const EXPECTED_AROUND_VERTICES: f64 = 80.0;
 
-/// Bytes for each face and number of a block squared that the operator takes beside them, with some fields without energy.
+/// Bytes for each face and number of a block squared that the operator takes beside them, with some fields without
+/// energy.
 const BESIDE: f64 = 75.0;
 
 /// From so many faces on, an order by nested dissection saves more than it costs.
@@ -31,23 +32,24 @@ const LARGE: usize = 6000;
 /// The least shift: `S` itself may be singular. Far below the lowest positive eigenvalue of a surface of unit area.
 pub(super) const FLOOR: f64 = 1e-7;
 
-/// So many shifts have their factors kept, those of two choices of weights, where there is room, and those of one where there is not.
+/// So many shifts have their factors kept, those of two choices of weights, where there is room, and those of one where
+/// there is not.
 const MOST_KEPT: usize = 4;
 const LEAST_KEPT: usize = 2;
 
 /// Halves of solves are kept, for each shift, up to this share of the bytes of its factor.
 const HALVES: u64 = 16;
 
-/// About the bytes that all fields of a surface take at least that fills in as scans do, before anything is known of it: an operator, two factors,
-/// and what is kept beside them.
+/// About the bytes that all fields of a surface take at least that fills in as scans do, before anything is known of
+/// it: an operator, two factors, and what is kept beside them.
 pub(super) fn expected_bytes(kind: FieldKind, faces: usize) -> f64 {
     let (faces, block) = (faces.max(2) as f64, kind.block() as f64);
     let each = if kind == (FieldKind::Vector {}) { EXPECTED_AROUND_VERTICES } else { EXPECTED };
     block * block * faces * (each * faces.log2() + BESIDE)
 }
 
-/// The most faces of a surface of which all fields fit into so many bytes with two factors, by what is expected of surfaces. Whether they do is known
-/// when they are analysed.
+/// The most faces of a surface of which all fields fit into so many bytes with two factors, by what is expected of
+/// surfaces. Whether they do is known when they are analysed.
 pub fn most_factored_faces(kind: FieldKind, room: u64) -> usize {
     let (mut fits, mut beyond) = (0usize, 1usize << 32);
     while beyond - fits > 1 {
@@ -95,8 +97,8 @@ struct Halves {
 }
 
 impl<const B: usize> Direct<B> {
-    /// Analyses an operator, beside which so many bytes are taken; `None` where two factors would take more than is left of `room` bytes, or the
-    /// surface fills in more than surfaces do.
+    /// Analyses an operator, beside which so many bytes are taken; `None` where two factors would take more than is
+    /// left of `room` bytes, or the surface fills in more than surfaces do.
     pub fn new(kind: FieldKind, stiffness: &BlockMatrix<B>, beside: u64, room: u64) -> Option<Self> {
         let faces = stiffness.rows();
         if faces > most_factored_faces(kind, room) {
@@ -132,7 +134,8 @@ impl<const B: usize> Direct<B> {
         bytes_of(&self.symbolic, LEAST_KEPT)
     }
 
-    /// About the bytes that are held only while the first factors are made, until they are there: a matrix, and what fronts hand on.
+    /// About the bytes that are held only while the first factors are made, until they are there: a matrix, and what
+    /// fronts hand on.
     pub fn bytes_of_making(&self) -> u64 {
         if self.factors.lock().unwrap_or_else(PoisonError::into_inner).len() >= LEAST_KEPT {
             return 0;
@@ -190,9 +193,10 @@ impl<const B: usize> Direct<B> {
         Ok(made)
     }
 
-    /// A factor of `S` where something is added to the diagonal at some numbers, as many as there are fields without energy and such that no
-    /// mixture of these vanishes at all of them: where no such field has a part in `f`, the solution is zero at these numbers, and one of `S x = f`. No
-    /// shift, however small, does that: fields without energy are in its solutions over the shift, and what is left of their digits is little.
+    /// A factor of `S` where something is added to the diagonal at some numbers, as many as there are fields without
+    /// energy and such that no mixture of these vanishes at all of them: where no such field has a part in `f`, the
+    /// solution is zero at these numbers, and one of `S x = f`. No shift, however small, does that: fields without
+    /// energy are in its solutions over the shift, and what is left of their digits is little.
     ///
     /// # Errors
     /// [`FactorError`].
@@ -204,7 +208,8 @@ impl<const B: usize> Direct<B> {
         if let Some(kept) = self.kept_factor(0.0) {
             return Ok(kept);
         }
-        // The factor that told which fields have no energy is done with: with it there would be three at once, where there may be room for two.
+        // The factor that told which fields have no energy is done with: with it there would be three at once, where
+        // there may be room for two.
         self.factors.lock().unwrap_or_else(PoisonError::into_inner).retain(|factor| factor.gamma > FLOOR);
         let mut added = vec![0.0; B * self.order.len()];
         for (number, add) in numbers() {

@@ -1,10 +1,11 @@
 //! Approximate eigenfields judged and corrected among all fields of a surface.
 //!
-//! What an eigenfield `x` of a small space with the value `θ` misses is about `y = (S + σM)⁻¹ r` with `r = S x − θ M x`: one step of inverse
-//! iteration, as `x − y` is a multiple of `(S + σM)⁻¹ M x`. With the part of `y` that lies outside all fields at hand, the best multiple of it gains
-//! `(yᵀr)² / yᵀ(S − θM)y`, which estimates how far `θ` lies above the exact value. Where that is much of it, the least values in the space of all fields
-//! and all corrections take the place of these, as often as it needs; steps of before are kept in that space (Knyazev 2001). Values only fall, and
-//! by Courant and Fischer each stays above the exact value of its index.
+//! What an eigenfield `x` of a small space with the value `θ` misses is about `y = (S + σM)⁻¹ r` with
+//! `r = S x − θ M x`: one step of inverse iteration, as `x − y` is a multiple of `(S + σM)⁻¹ M x`. With the part of `y`
+//! that lies outside all fields at hand, the best multiple of it gains `(yᵀr)² / yᵀ(S − θM)y`, which estimates how far
+//! `θ` lies above the exact value. Where that is much of it, the least values in the space of all fields and all
+//! corrections take the place of these, as often as it needs; steps of before are kept in that space (Knyazev 2001).
+//! Values only fall, and by Courant and Fischer each stays above the exact value of its index.
 
 use chladni_algebra::{DenseMatrix, lowest_symmetric};
 use chladni_base::Monitor;
@@ -32,7 +33,8 @@ const KNOWN: f64 = 0.2;
 const ESTIMATING: usize = 4;
 const CORRECTING: usize = 60;
 
-/// What is left of a correction after the fields at hand were taken out is a direction of its own above this share of it.
+/// What is left of a correction after the fields at hand were taken out is a direction of its own above this share of
+/// it.
 const OWN: f64 = 1e-7;
 
 /// Corrections of fields of norm 1 below this are rounding.
@@ -106,13 +108,14 @@ impl LowestFields {
         FieldCertificate { estimates, bounds, accuracy }
     }
 
-    /// How many fields are corrected together for so many that are wanted, of so many that there are: some more, which keep the last from mixing with
-    /// what lies above them.
+    /// How many fields are corrected together for so many that are wanted, of so many that there are: some more, which
+    /// keep the last from mixing with what lies above them.
     pub fn together(wanted: usize, all: usize) -> usize {
         (wanted + (wanted / 4).max(3)).min(all)
     }
 
-    /// How many of the lowest of these values, on unit area, belong to fields without energy: those cost next to nothing.
+    /// How many of the lowest of these values, on unit area, belong to fields without energy: those cost next to
+    /// nothing.
     pub fn idle(values: &[f64]) -> usize {
         values.iter().take_while(|&&value| value < IDLE).count()
     }
@@ -125,8 +128,9 @@ impl LowestFields {
 }
 
 impl FullSpace {
-    /// Judges and corrects approximate eigenfields: `start`, the lowest of a small space by ascending value, of which the first `wanted` count. The
-    /// others keep what lies above away; there should be some, see [`LowestFields::together`].
+    /// Judges and corrects approximate eigenfields: `start`, the lowest of a small space by ascending value, of which
+    /// the first `wanted` count. The others keep what lies above away; there should be some, see
+    /// [`LowestFields::together`].
     ///
     /// # Errors
     /// [`RefineError`]: a field of another length, fields that depend on each other; cancellation.
@@ -140,8 +144,8 @@ impl FullSpace {
         self.lowest(start, wanted, (goal, false), monitor)
     }
 
-    /// The same of the fields above those without energy, which [`count_idle`](Self::count_idle) has found: they are not among `start`, and are kept
-    /// component by component, so that there may be many.
+    /// The same of the fields above those without energy, which [`count_idle`](Self::count_idle) has found: they are
+    /// not among `start`, and are kept component by component, so that there may be many.
     ///
     /// # Errors
     /// As for [`eigenfields`](Self::eigenfields).
@@ -196,7 +200,8 @@ struct Lowest<'a, const B: usize> {
     wanted: usize,
     /// Fields without energy that are known beforehand.
     kernel: Option<&'a Kernel>,
-    /// Others without energy, orthonormal, with the little that they have. Nothing below them is looked for: no value is negative.
+    /// Others without energy, orthonormal, with the little that they have. Nothing below them is looked for: no value
+    /// is negative.
     idle: Vec<(Vec<f64>, f64)>,
     /// The others, orthonormal, each with its value; `S` is diagonal among them.
     fields: Vec<Vec<f64>>,
@@ -279,8 +284,8 @@ impl<'a, const B: usize> Lowest<'a, B> {
         });
     }
 
-    /// The fields of the `count` lowest values in the span of `fields`, which are orthonormal, take their place; what is not of the first `count`
-    /// makes the steps.
+    /// The fields of the `count` lowest values in the span of `fields`, which are orthonormal, take their place; what
+    /// is not of the first `count` makes the steps.
     fn lower(&mut self, count: usize, monitor: &dyn Monitor) -> Result<(), RefineError> {
         let all = self.fields.len();
         if all == 0 {
@@ -340,7 +345,8 @@ impl<'a, const B: usize> Lowest<'a, B> {
         Ok(Correction { field, gain, bound })
     }
 
-    /// Some exact eigenvalue is nearer than this: `‖r‖` in the norm of `(S + σM)⁻¹` is at most `2 yᵀr − yᵀ(S + σM)y + ‖r − (S + σM)y‖²_{M⁻¹} / σ`.
+    /// Some exact eigenvalue is nearer than this: `‖r‖` in the norm of `(S + σM)⁻¹` is at most
+    /// `2 yᵀr − yᵀ(S + σM)y + ‖r − (S + σM)y‖²_{M⁻¹} / σ`.
     fn bound(&self, value: f64, residual: &[f64], y: &[f64]) -> f64 {
         let whole = self.whole;
         let image = whole.shifted(SHIFT, y);

@@ -1,4 +1,5 @@
-//! Corrected eigenfields against dense eigenproblems of all fields, and against the plane, where eigenvalues are known in closed form.
+//! Corrected eigenfields against dense eigenproblems of all fields, and against the plane, where eigenvalues are known
+//! in closed form.
 
 use std::f64::consts::PI;
 

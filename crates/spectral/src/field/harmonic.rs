@@ -1,8 +1,8 @@
-//! Harmonic fields: neither divergence nor curl, the kernel of the Hodge–Laplacian. No locally supported field comes near them, so a
-//! basis carries them as dense columns.
+//! Harmonic fields: neither divergence nor curl, the kernel of the Hodge–Laplacian. No locally supported field comes
+//! near them, so a basis carries them as dense columns.
 //!
-//! Counting how often a loop of faces crosses each edge is a closed 1-form; the field with these integrals along edges has no curl, and taking away
-//! the gradient part leaves the harmonic field.
+//! Counting how often a loop of faces crosses each edge is a closed 1-form; the field with these integrals along edges
+//! has no curl, and taking away the gradient part leaves the harmonic field.
 
 use chladni_algebra::{DenseMatrix, PANEL_WIDTH, PanelMatrix, SparseMatrix, orthonormalise};
 use chladni_base::Monitor;
@@ -33,11 +33,12 @@ pub enum HarmonicError {
     Poisson(#[from] PoissonError),
 }
 
-/// An orthonormal basis of the harmonic fields, `2F` numbers each, on unit area: `2g` for a closed surface of genus `g`, and `b − 1` more where it
-/// has `b` boundaries that fields run along, or that they run across. None for clamped boundaries.
+/// An orthonormal basis of the harmonic fields, `2F` numbers each, on unit area: `2g` for a closed surface of genus
+/// `g`, and `b − 1` more where it has `b` boundaries that fields run along, or that they run across. None for clamped
+/// boundaries.
 ///
-/// Fields that run across a boundary have no integral along it: their forms are those of closed loops, which do not cross it, and the potentials of
-/// what is taken away vanish there.
+/// Fields that run across a boundary have no integral along it: their forms are those of closed loops, which do not
+/// cross it, and the potentials of what is taken away vanish there.
 ///
 /// One sparse factorisation on the vertices, and a solve for each 32 fields.
 ///
@@ -95,7 +96,8 @@ pub(super) fn rim(surface: &FieldSurface) -> Vec<bool> {
     rim
 }
 
-/// Takes the gradients of hat functions out of fields, but for those of the vertices in `held`, and makes what is left orthonormal.
+/// Takes the gradients of hat functions out of fields, but for those of the vertices in `held`, and makes what is left
+/// orthonormal.
 fn without_gradients(
     surface: &FieldSurface,
     mut fields: Vec<Vec<f64>>,
@@ -120,7 +122,8 @@ fn without_gradients(
             }
         }
     }
-    // Right-hand sides add up to zero on each component, as those of gradients do: grounding a vertex of each changes nothing but a constant.
+    // Right-hand sides add up to zero on each component, as those of gradients do: grounding a vertex of each changes
+    // nothing but a constant.
     poisson::solve(&cotangents(surface, held), &mut potentials, monitor)?;
     for (c, field) in fields.iter_mut().enumerate() {
         let panel = &potentials.panels()[c / PANEL_WIDTH];
@@ -154,7 +157,8 @@ fn orthonormal(surface: &FieldSurface, fields: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     (0..columns).map(|c| matrix.column(c).to_vec()).collect()
 }
 
-/// `Gᵀ M_F G`: the stiffness of hat functions, those of the vertices in `held` left out, one vertex of each component grounded that has none of them.
+/// `Gᵀ M_F G`: the stiffness of hat functions, those of the vertices in `held` left out, one vertex of each component
+/// grounded that has none of them.
 fn cotangents(surface: &FieldSurface, held: &[bool]) -> SparseMatrix {
     let (mesh, frames) = (surface.mesh(), surface.frames());
     let mut entries: Vec<(u32, u32, f64)> = Vec::with_capacity(9 * mesh.faces.len());

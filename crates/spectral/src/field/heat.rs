@@ -1,13 +1,15 @@
-//! The heat-smoothed construction: transported bumps, diffused for a short time by the operator of the field itself, thinned out and
-//! smoothed once more.
+//! The heat-smoothed construction: transported bumps, diffused for a short time by the operator of the field itself,
+//! thinned out and smoothed once more.
 //!
 //! With `N` samples, on the surface of unit area:
 //! 1. around each sample a cubic bump times the frame of the sample, carried along; divided by the sum of all bumps;
-//! 2. `k` implicit heat steps `(M + τS) x = M x_prev` on a patch, zero outside, by conjugate gradients; where there are many faces a sample
-//!    with multigrid cycles as preconditioner;
+//! 2. `k` implicit heat steps `(M + τS) x = M x_prev` on a patch, zero outside, by conjugate gradients; where there are
+//!    many faces a sample with multigrid cycles as preconditioner;
 //! 3. blocks shrunk by their magnitude `a` to `(a − t)²/a²` of their size: a hard cut would cost ten times the error;
-//! 4. smoothed on the final pattern by a polynomial in the stiffness: without this the shrinking leaves noise of high energy;
-//! 5. divided by what they add up to (see [`super::unity`]), without which no space holds the parallel fields of a flat surface.
+//! 4. smoothed on the final pattern by a polynomial in the stiffness: without this the shrinking leaves noise of high
+//!    energy;
+//! 5. divided by what they add up to (see [`super::unity`]), without which no space holds the parallel fields of a flat
+//!    surface.
 
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::dual::{DiskGrower, DualGraph, NO_FACE};
@@ -30,8 +32,9 @@ pub(super) const DUAL_TO_SURFACE: f32 = 0.83;
 /// Levels are coarsened until there are at most so many nodes a sample.
 const NODES_PER_SAMPLE: usize = 90;
 
-/// The share of the largest block on a node, and of a column, up to which its blocks are shrunk away: some block always stays. Where a sample lies on
-/// a small tip, what it begins with flows off until the whole column is below the threshold.
+/// The share of the largest block on a node, and of a column, up to which its blocks are shrunk away: some block always
+/// stays. Where a sample lies on a small tip, what it begins with flows off until the whole column is below the
+/// threshold.
 const KEEP_SHARE: f32 = 0.3;
 
 /// How columns are smoothed; lengths and times are relative to the surface of unit area and the number of samples `N`.
@@ -51,14 +54,15 @@ pub struct FieldHeat {
     /// A column may spread beyond its bump by this multiple of `√(steps · time / N)`.
     #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 20))]
     pub margin: f64,
-    /// Blocks of at most this magnitude become zero; by default .0056 for vector fields and .004 for others: some fifteen blocks stay for each face.
+    /// Blocks of at most this magnitude become zero; by default .0056 for vector fields and .004 for others: some
+    /// fifteen blocks stay for each face.
     #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 0.2))]
     pub threshold: Option<f64>,
     /// Relative residual at which the solve of a heat step ends.
     #[cfg_attr(feature = "schema", schema(minimum = 1e-6, maximum = 0.5))]
     pub tolerance: f64,
-    /// Degree of the last smoothing; by default 6 for vector fields and 4 for others, which turn more from face to face: what is smoother than they
-    /// are cannot follow them.
+    /// Degree of the last smoothing; by default 6 for vector fields and 4 for others, which turn more from face to
+    /// face: what is smoother than they are cannot follow them.
     #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 64))]
     pub degree: Option<usize>,
     /// Lower end of what the last smoothing damps, of a spectrum that ends at 2.
@@ -142,7 +146,8 @@ pub(super) fn columns<const B: usize>(
                 monitor.checkpoint()?;
                 let before = column.blocks.clone();
                 heat.step(column, scratch, parameters.tolerance);
-                // Beside needles a billion times as long as wide single precision overflows: better too little diffused than no numbers.
+                // Beside needles a billion times as long as wide single precision overflows: better too little diffused
+                // than no numbers.
                 if !is_finite(column) {
                     column.blocks = before;
                 }
@@ -224,8 +229,8 @@ impl<const B: usize> Bumps<'_, B> {
     }
 }
 
-/// Carries the numbers of the disk's centre to each of its faces within `radius`: a mean over the neighbours that are closer, weighted by
-/// inverse distance. In the order of the disk.
+/// Carries the numbers of the disk's centre to each of its faces within `radius`: a mean over the neighbours that are
+/// closer, weighted by inverse distance. In the order of the disk.
 pub(super) fn carry_frame<const B: usize>(
     operator: &FieldOperator<B>,
     dual: &DualGraph,
@@ -282,7 +287,8 @@ fn divide_by_sums<const B: usize>(columns: &mut [Column<B>], nodes: usize) {
     });
 }
 
-/// Shrinks blocks towards zero and drops those that reach it; each node that any column reaches keeps some, and so does each column.
+/// Shrinks blocks towards zero and drops those that reach it; each node that any column reaches keeps some, and so does
+/// each column.
 fn shrink<const B: usize>(columns: &mut [Column<B>], nodes: usize, threshold: f32) {
     let mut strongest = vec![0f32; nodes];
     for column in columns.iter() {

@@ -1,5 +1,5 @@
-//! Coarse levels of a field operator: aggregates of faces with transported frames, one smoothing step on the interpolation, Galerkin
-//! products (smoothed aggregation, Vaněk et al. 1996).
+//! Coarse levels of a field operator: aggregates of faces with transported frames, one smoothing step on the
+//! interpolation, Galerkin products (smoothed aggregation, Vaněk et al. 1996).
 
 use chladni_algebra::{Block, BlockMatrix, BlockPlaces, add_product};
 use chladni_base::parallel::*;
@@ -13,8 +13,8 @@ use crate::operator::transport::{FieldKind, transport_block, turn};
 /// Weight of the smoothing step on the interpolation, where the spectrum ends at 2.
 const INTERPOLATION_WEIGHT: f64 = 0.75;
 
-/// What rows that are coupled to nothing share in the interpolation: not quite nothing, so that levels stay definite where all of an aggregate are
-/// such rows.
+/// What rows that are coupled to nothing share in the interpolation: not quite nothing, so that levels stay definite
+/// where all of an aggregate are such rows.
 const UNCOUPLED: f64 = 0.03;
 
 /// A neighbour, and the turn that carries its numbers here.
@@ -153,7 +153,8 @@ struct Aggregates {
 }
 
 impl Aggregates {
-    /// Greedy: a node all of whose `rings` rings are free becomes a root and takes them; what is left joins a neighbour.
+    /// Greedy: a node all of whose `rings` rings are free becomes a root and takes them; what is left joins a
+    /// neighbour.
     fn new(graph: &Graph, rings: usize) -> Self {
         let n = graph.offsets.len() - 1;
         let mut made = Self { of: vec![u32::MAX; n], carried: vec![Turn::NONE; n], roots: Vec::new(), count: 0 };

@@ -52,7 +52,8 @@ impl Kernel<'_> {
     }
 }
 
-/// `X ← P K⁻¹ Pᵀ X` for `d × k` numbers, column after column, where `P` takes idle fields out: what is left of the inverse moves nothing of them.
+/// `X ← P K⁻¹ Pᵀ X` for `d × k` numbers, column after column, where `P` takes idle fields out: what is left of the
+/// inverse moves nothing of them.
 ///
 /// # Errors
 /// That of the inverse.
@@ -77,8 +78,8 @@ pub(super) fn without<E>(
     Ok(())
 }
 
-/// Looks for them by two steps of subspace iteration: `inverse` turns `d` numbers, column after column, into `K⁻¹` times them, `floor` is what holds
-/// a field of norm 1 without energy.
+/// Looks for them by two steps of subspace iteration: `inverse` turns `d` numbers, column after column, into `K⁻¹`
+/// times them, `floor` is what holds a field of norm 1 without energy.
 pub(super) fn find(inverse: impl Fn(&mut [f64]), mass: &SparseMatrix, floor: f64) -> Vec<Idle> {
     let d = mass.rows();
     let count = MOST.min(d);

@@ -1,8 +1,9 @@
 //! Fields without energy, of each component of a surface by itself.
 //!
-//! A surface of many components has as many of them as all components together, and none is any other's concern: kept as fields of the whole surface
-//! they would take the square of their number, and whatever makes them orthogonal its cube. So one list of fields holds those of all components: its
-//! first field has on each component the first one of that, and nothing on components without.
+//! A surface of many components has as many of them as all components together, and none is any other's concern: kept
+//! as fields of the whole surface they would take the square of their number, and whatever makes them orthogonal its
+//! cube. So one list of fields holds those of all components: its first field has on each component the first one of
+//! that, and nothing on components without.
 
 use chladni_algebra::{BlockMatrix, DenseMatrix, lowest_symmetric};
 use chladni_base::parallel::*;
@@ -249,8 +250,8 @@ impl Kernel {
         }
     }
 
-    /// As many numbers as there are fields without energy, at which no mixture of these vanishes, with what stiffness they have: by elimination with
-    /// the largest number of each field as pivot.
+    /// As many numbers as there are fields without energy, at which no mixture of these vanishes, with what stiffness
+    /// they have: by elimination with the largest number of each field as pivot.
     pub fn to_ground<const B: usize>(&self, stiffness: &BlockMatrix<B>) -> Vec<(usize, f64)> {
         let diagonal = stiffness.diagonal();
         let mut fields = self.slots.clone();
@@ -288,7 +289,8 @@ impl FullSpace {
         }
     }
 
-    /// How many fields without energy the surface has, which are kept from then on; `None` where there are no factors to find them by.
+    /// How many fields without energy the surface has, which are kept from then on; `None` where there are no factors
+    /// to find them by.
     ///
     /// # Errors
     /// [`RefineError`]: what factors answer, cancellation.
@@ -332,8 +334,8 @@ impl<const B: usize> Whole<B> {
         Ok(Some(self.kernel.get_or_init(|| exact)))
     }
 
-    /// Fields without energy, by subspace iteration with the factor of the least shift; they are kept. `None` where a component may have more than
-    /// are looked for.
+    /// Fields without energy, by subspace iteration with the factor of the least shift; they are kept. `None` where a
+    /// component may have more than are looked for.
     pub(super) fn idle(
         &self,
         direct: &Direct<B>,
@@ -394,7 +396,8 @@ impl<const B: usize> Whole<B> {
     }
 }
 
-/// The mixtures without energy of orthonormal fields of a component, whose images under the stiffness are known; `None` where there may be more.
+/// The mixtures without energy of orthonormal fields of a component, whose images under the stiffness are known; `None`
+/// where there may be more.
 fn idle_of_part(fields: &[Vec<f64>], images: &[Vec<f64>]) -> Result<Option<Vec<Vec<f64>>>, DesignError> {
     let (count, size) = (fields.len(), fields.first().map_or(0, Vec::len));
     if count == 0 {

@@ -23,7 +23,8 @@ fn norm(x: impl Iterator<Item = f64>) -> f64 {
     x.map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// Each plate has its own fields without energy: the parallel ones. With one constraint that is what it is filled with; without any it stays empty.
+/// Each plate has its own fields without energy: the parallel ones. With one constraint that is what it is filled with;
+/// without any it stays empty.
 #[test]
 fn each_of_many_plates_is_filled_with_what_its_own_constraint_asks_for() {
     let plates = 90;
@@ -61,7 +62,8 @@ fn each_of_many_plates_is_filled_with_what_its_own_constraint_asks_for() {
     }
 }
 
-/// Plates of which the space has the parallel fields alone, beside others of which it has more: on neither takes what is asked for energy.
+/// Plates of which the space has the parallel fields alone, beside others of which it has more: on neither takes what
+/// is asked for energy.
 #[test]
 fn plates_with_one_column_and_with_several_are_filled_with_what_is_asked_for_on_each() {
     let plates = 60;
@@ -85,7 +87,8 @@ fn plates_with_one_column_and_with_several_are_filled_with_what_is_asked_for_on_
                     (0..plates).step_by(step).map(|plate| constraint(plate, held(plate))).collect();
                 for model in [DesignModel::new(&basis, &Unwatched).unwrap(), DesignModel::sparse(&basis)] {
                     let sparse = model.pencil.is_some();
-                    // Without Ritz coordinates no more than two dozen fields without energy are told apart from what yields to strokes.
+                    // Without Ritz coordinates no more than two dozen fields without energy are told apart from what
+                    // yields to strokes.
                     if sparse && soft {
                         continue;
                     }

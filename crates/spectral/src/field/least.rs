@@ -1,8 +1,9 @@
 //! The field of least energy among all fields of a surface, by sparse factors.
 //!
-//! Where the sum of the energies is a product, `K = μ (S + αM) M⁻¹ (S + βM)`, its inverse is a difference, `((S + αM)⁻¹ − (S + βM)⁻¹) / μ(β − α)`.
-//! What constraints move at each other's faces then takes half of a solve with either factor on the few supernodes that they reach, and the field
-//! itself one substitution with either. Fields without energy are taken out of the right-hand sides before they are solved for.
+//! Where the sum of the energies is a product, `K = μ (S + αM) M⁻¹ (S + βM)`, its inverse is a difference,
+//! `((S + αM)⁻¹ − (S + βM)⁻¹) / μ(β − α)`. What constraints move at each other's faces then takes half of a solve with
+//! either factor on the few supernodes that they reach, and the field itself one substitution with either. Fields
+//! without energy are taken out of the right-hand sides before they are solved for.
 
 use std::sync::Arc;
 
@@ -27,15 +28,16 @@ const MOST_CONSTRAINTS: usize = 256;
 /// Faces whose halves of solves are held at once where only what each moves by itself is asked for.
 const MEASURED_TOGETHER: usize = 64;
 
-/// Where the sum is no product, what a face resists with takes solves by conjugate gradients: of no more faces than this, and to this tolerance, whose
-/// square is the error.
+/// Where the sum is no product, what a face resists with takes solves by conjugate gradients: of no more faces than
+/// this, and to this tolerance, whose square is the error.
 const MOST_MEASURED: usize = 32;
 const MEASURED: f64 = 1e-2;
 
 /// How much closer together both inverses may be than either is large: their difference loses as many digits.
 const MOST_CANCELLED: f64 = 1e6;
 
-/// From here on the field is found by one inverse after the other instead of their difference, in a half more of the time.
+/// From here on the field is found by one inverse after the other instead of their difference, in a half more of the
+/// time.
 const CANCELLED: f64 = 100.0;
 
 /// Hard constraints are met to this share of the largest that is asked for; it takes so many corrections at most.
@@ -92,12 +94,13 @@ fn add_products<const B: usize>(halves: &[Arc<HalfSolved>], factor: f64, into: &
 }
 
 impl FullSpace {
-    /// The field of least energy among all fields under the constraints of a design of the same model, by sparse factors that are kept; strengths of
-    /// constraints are measured by what all fields of the surface resist with, so that the field depends on the reduced space in nothing. Its
-    /// coefficients are those of the field of the space that is nearest to it, where the model has Ritz coordinates, and so is its distance.
+    /// The field of least energy among all fields under the constraints of a design of the same model, by sparse
+    /// factors that are kept; strengths of constraints are measured by what all fields of the surface resist with, so
+    /// that the field depends on the reduced space in nothing. Its coefficients are those of the field of the space
+    /// that is nearest to it, where the model has Ritz coordinates, and so is its distance.
     ///
-    /// `None` where that is for [`refine`](Self::refine): on surfaces whose factors do not fit, beside alignments with weights per
-    /// face or that outweigh the energies, and under more than 256 constraints.
+    /// `None` where that is for [`refine`](Self::refine): on surfaces whose factors do not fit, beside alignments with
+    /// weights per face or that outweigh the energies, and under more than 256 constraints.
     ///
     /// # Errors
     /// [`RefineError`].
@@ -112,7 +115,8 @@ impl FullSpace {
         self.least_with(weighted, basis, constraints, Some(design), monitor)
     }
 
-    /// The same without what there is to say of the reduced space: coefficients are missing, and the distance is no number.
+    /// The same without what there is to say of the reduced space: coefficients are missing, and the distance is no
+    /// number.
     ///
     /// # Errors
     /// [`RefineError`].
@@ -126,7 +130,8 @@ impl FullSpace {
         self.least_with(weighted, basis, constraints, None, monitor)
     }
 
-    /// A field with the coefficients of the field of the space that is nearest to it, and how far that is; as it is, where the model has no Ritz coordinates.
+    /// A field with the coefficients of the field of the space that is nearest to it, and how far that is; as it is,
+    /// where the model has no Ritz coordinates.
     ///
     /// # Errors
     /// [`RefineError::Design`]: the space is of another surface.
@@ -160,8 +165,9 @@ impl FullSpace {
 }
 
 impl<const B: usize> Whole<B> {
-    /// The field of least energy under the constraints of a design of the same model, the strength of each measured by what all fields of the surface
-    /// resist with; `None` where the sum of the energies is no such product, or where there are too many constraints or fields without energy.
+    /// The field of least energy under the constraints of a design of the same model, the strength of each measured by
+    /// what all fields of the surface resist with; `None` where the sum of the energies is no such product, or where
+    /// there are too many constraints or fields without energy.
     pub(super) fn least(
         &self,
         weighted: &WeightedModel,
@@ -268,7 +274,8 @@ impl<const B: usize> Whole<B> {
         self.told(weighted, basis, constraints, coefficients, field, 0).map(Some)
     }
 
-    /// The inverse of a sum as a difference, with the factors that it takes; `None` where it is none, or fields without energy are not known.
+    /// The inverse of a sum as a difference, with the factors that it takes; `None` where it is none, or fields without
+    /// energy are not known.
     fn factors(
         &self,
         direct: &Direct<B>,
@@ -301,7 +308,8 @@ impl<const B: usize> Whole<B> {
         Ok(Some(Factors { difference, kernel, first, second }))
     }
 
-    /// What unit pulls at each of some faces move there, without fields that have no energy; `None` where neither factors nor few enough solves tell.
+    /// What unit pulls at each of some faces move there, without fields that have no energy; `None` where neither
+    /// factors nor few enough solves tell.
     pub(super) fn yields(
         &self,
         response: &Response<'_, B>,
@@ -381,7 +389,8 @@ impl<const B: usize> Whole<B> {
     }
 }
 
-/// What fields without energy have at the constrained numbers, and what is needed to take them out of the first inverse.
+/// What fields without energy have at the constrained numbers, and what is needed to take them out of the first
+/// inverse.
 struct IdleHalves<'a> {
     /// Those of the components that have constraints.
     own: Vec<Own>,
@@ -459,8 +468,8 @@ impl<'a> IdleHalves<'a> {
 }
 
 impl System {
-    /// What pulls at each constrained number, and how much there is of each field without energy: `right` has what is missing, and then the values
-    /// of those fields.
+    /// What pulls at each constrained number, and how much there is of each field without energy: `right` has what is
+    /// missing, and then the values of those fields.
     fn pulls(
         &self,
         right: &DenseMatrix,

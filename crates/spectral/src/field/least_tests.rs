@@ -80,7 +80,8 @@ fn designs_by_factors_are_those_of_cycles() {
                 );
                 // As exactly as fields without energy are told from others.
                 assert!(found.residuals.iter().step_by(2).all(|missed| *missed < 1e-6), "{:?}", found.residuals);
-                // Its coefficients are those of the field of the space that is nearest: none is nearer, that of the design neither.
+                // Its coefficients are those of the field of the space that is nearest: none is nearer, that of the
+                // design neither.
                 assert!(found.distance <= cycled.distance * (1.0 + 1e-5), "{} {}", found.distance, cycled.distance);
                 // The same factors serve conjugate gradients.
                 let again = p.factored.refine(&weighted, &p.basis, &constraints, &design, 1e-10, &Unwatched).unwrap();
@@ -181,7 +182,8 @@ fn alignments_that_do_not_outweigh_the_energies_are_met_by_factors_and_others_ar
     }
 }
 
-/// One stroke fixes two of the four numbers of fields without energy on two plates. The least field that meets it is zero on the other plate.
+/// One stroke fixes two of the four numbers of fields without energy on two plates. The least field that meets it is
+/// zero on the other plate.
 #[test]
 fn fields_without_energy_that_no_constraint_holds_are_as_small_as_possible_by_factors_too() {
     let plates = [260, 300].map(|vertices| generate(Shape::Rectangle, vertices).unwrap());

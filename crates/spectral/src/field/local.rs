@@ -1,4 +1,5 @@
-//! The construction of the thesis (section 3.4): on disks around the samples the lowest fields of the operator, zero outside.
+//! The construction of the thesis (section 3.4): on disks around the samples the lowest fields of the operator, zero
+//! outside.
 
 use chladni_algebra::{Block, BlockMatrix, add_product, transposed};
 use chladni_base::{Cancelled, Monitor};
@@ -19,8 +20,8 @@ use super::space::Column;
 /// Nodes a sample on the coarsest level at most.
 const NODES_PER_SAMPLE: usize = 40;
 
-/// The time of a heat step in squared radii of a disk. The lowest value of a disk of radius 1 is about 6, so that a step divides a field of value
-/// `λ` by nearly `λ`: it is an inverse iteration.
+/// The time of a heat step in squared radii of a disk. The lowest value of a disk of radius 1 is about 6, so that a
+/// step divides a field of value `λ` by nearly `λ`: it is an inverse iteration.
 const TIME: f64 = 60.0;
 
 /// Relative residual of an inverse iteration.
@@ -53,7 +54,8 @@ impl LocalEigenfields {
     }
 }
 
-/// The columns of `samples`, `B` for each, orthonormal within each disk: approximate eigenfields of the `B` lowest values, ascending.
+/// The columns of `samples`, `B` for each, orthonormal within each disk: approximate eigenfields of the `B` lowest
+/// values, ascending.
 pub(super) fn columns<const B: usize>(
     operator: &FieldOperator<B>,
     dual: &DualGraph,
@@ -127,7 +129,8 @@ fn orthonormalise<const B: usize>(mass: &[f64], column: &mut Column<B>) {
     }
 }
 
-/// Rayleigh and Ritz within the group: turns orthonormal columns into approximate eigenfields. `all` is zero before and after.
+/// Rayleigh and Ritz within the group: turns orthonormal columns into approximate eigenfields. `all` is zero before and
+/// after.
 fn rotate<const B: usize>(stiffness: &BlockMatrix<B>, column: &mut Column<B>, all: &mut [Small<B>]) {
     for (&face, block) in column.faces.iter().zip(&column.blocks) {
         all[face as usize] = *block;

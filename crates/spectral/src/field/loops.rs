@@ -1,13 +1,15 @@
 //! Independent loops of faces on a surface, and the closed forms that count how often they cross each edge.
 //!
-//! A spanning tree of faces cuts the surface open to a disk; a spanning tree of vertices among the edges it does not cross leaves as many edges as
-//! there are independent loops (Eppstein 2003): through such an edge, and back along the tree of faces.
+//! A spanning tree of faces cuts the surface open to a disk; a spanning tree of vertices among the edges it does not
+//! cross leaves as many edges as there are independent loops (Eppstein 2003): through such an edge, and back along the
+//! tree of faces.
 
 use chladni_mesh::dual::NO_FACE;
 
 use super::basis::FieldSurface;
 
-/// What a form adds up to along each edge of each face, counter-clockwise; only what is not zero: `(3 · face + k, value)`.
+/// What a form adds up to along each edge of each face, counter-clockwise; only what is not zero:
+/// `(3 · face + k, value)`.
 pub(super) type Form = Vec<(u32, f64)>;
 
 /// A spanning tree of the faces of each component.
@@ -85,8 +87,8 @@ impl DualTree {
     }
 }
 
-/// The forms of independent loops, and of paths from one boundary to another: `2g` and, with `b` boundaries, `b − 1` more. They span the first
-/// cohomology of the surface.
+/// The forms of independent loops, and of paths from one boundary to another: `2g` and, with `b` boundaries, `b − 1`
+/// more. They span the first cohomology of the surface.
 pub(super) fn closed_forms(surface: &FieldSurface, tree: &DualTree) -> Vec<Form> {
     let (mesh, dual) = (surface.mesh(), surface.dual());
     let (components, count) = dual.components();
@@ -117,8 +119,8 @@ pub(super) fn closed_forms(surface: &FieldSurface, tree: &DualTree) -> Vec<Form>
     forms
 }
 
-/// The forms of independent closed loops that are not those around single vertices inside: `2g` and, with `b` boundaries, `b − 1` more. They generate
-/// the first homology of the surface.
+/// The forms of independent closed loops that are not those around single vertices inside: `2g` and, with `b`
+/// boundaries, `b − 1` more. They generate the first homology of the surface.
 pub(super) fn closed_loops(surface: &FieldSurface, tree: &DualTree) -> Vec<Form> {
     let (mesh, dual) = (surface.mesh(), surface.dual());
     let (components, count) = dual.components();

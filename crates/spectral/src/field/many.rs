@@ -1,13 +1,15 @@
 //! Designs under many constraints.
 //!
-//! A system of the size of the constraints grows with their cube, though a space of `d` dimensions cannot follow more than `d` of them. Beyond a
-//! share of `d` they go into the matrix of the energies: `H = K + Σ w rᵀr`, `d × d`, with the rows `r` of the space at their faces, which have a few
-//! dozen entries. `H` does not depend on the directions that are asked for.
+//! A system of the size of the constraints grows with their cube, though a space of `d` dimensions cannot follow more
+//! than `d` of them. Beyond a share of `d` they go into the matrix of the energies: `H = K + Σ w rᵀr`, `d × d`, with
+//! the rows `r` of the space at their faces, which have a few dozen entries. `H` does not depend on the directions that
+//! are asked for.
 //!
-//! While a stroke is dragged most constraints stay as they are. The factor of those that stay is kept; what is new or has another weight is added by
-//! a system of its own size, `(W⁻¹ + R H⁻¹ Rᵀ) y = v − R H⁻¹ g`: with `v = 0` for soft constraints, whose pull is part of `g`. Hard constraints are
-//! always added in this way. A row has entries in few columns of the space, and what moves stays among few of them from one frame to the next, so that
-//! the columns of `H⁻¹` that were needed are kept beside the factor.
+//! While a stroke is dragged most constraints stay as they are. The factor of those that stay is kept; what is new or
+//! has another weight is added by a system of its own size, `(W⁻¹ + R H⁻¹ Rᵀ) y = v − R H⁻¹ g`: with `v = 0` for soft
+//! constraints, whose pull is part of `g`. Hard constraints are always added in this way. A row has entries in few
+//! columns of the space, and what moves stays among few of them from one frame to the next, so that the columns of
+//! `H⁻¹` that were needed are kept beside the factor.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -29,14 +31,16 @@ const MANY: f64 = 0.25;
 /// So many are added to a factor that is kept; beyond, another is made.
 const MOST_ADDED: f64 = 0.15;
 
-/// Spaces of more dimensions have no dense matrices kept: five of them take 380 MB here, and the fields of a server have half a gigabyte by default.
+/// Spaces of more dimensions have no dense matrices kept: five of them take 380 MB here, and the fields of a server
+/// have half a gigabyte by default.
 const MOST_DIMENSIONS: usize = 3072;
 
-/// What fields of no energy resist with, as a share of what the constraints hold them with. Where these do not say how much of such a field there is,
-/// it is as little as possible.
+/// What fields of no energy resist with, as a share of what the constraints hold them with. Where these do not say how
+/// much of such a field there is, it is as little as possible.
 const IDLE: f64 = 1e-9;
 
-/// Columns of the inverse are kept up to this share of the dimension; constraints that need more take solves of their own.
+/// Columns of the inverse are kept up to this share of the dimension; constraints that need more take solves of their
+/// own.
 const MOST_COLUMNS: f64 = 0.25;
 
 /// What is kept for designs under many constraints, for one choice of weights.
@@ -93,7 +97,8 @@ pub(super) struct Setting<'a> {
 }
 
 impl DesignModel {
-    /// Whether so many constraints are met by factors that a [`WeightedModel`](super::WeightedModel) keeps from one design to the next.
+    /// Whether so many constraints are met by factors that a [`WeightedModel`](super::WeightedModel) keeps from one
+    /// design to the next.
     pub fn has_many(&self, constraints: usize) -> bool {
         let d = self.dimension();
         self.has_ritz() && d <= MOST_DIMENSIONS && (self.kind.block() * constraints) as f64 > MANY * d as f64
@@ -219,8 +224,8 @@ impl Many {
         kept.first().map_or((0, 0), |kept| (kept.base.held.len(), Arc::as_ptr(&kept.base) as usize))
     }
 
-    /// The coefficients of least energy under constraints without repetitions, and the pull `force` of alignments. `None` where the matrix is not
-    /// definite.
+    /// The coefficients of least energy under constraints without repetitions, and the pull `force` of alignments.
+    /// `None` where the matrix is not definite.
     ///
     /// # Errors
     /// [`DesignError`]: a hard constraint that the space cannot meet besides the others, or too little memory.
@@ -279,8 +284,8 @@ impl Many {
             vec![[[0.0; 3]; 3]; constraints.len()]
         };
         let mean = moved.iter().map(|own| slack::mean(own, b)).sum::<f64>() / moved.len().max(1) as f64;
-        // To a power of two: it only bounds what the least yield, and its last digits change with every face that moves. They would change all weights by
-        // rounding, and nothing would have stayed as it was.
+        // To a power of two: it only bounds what the least yield, and its last digits change with every face that
+        // moves. They would change all weights by rounding, and nothing would have stayed as it was.
         let mean = mean.log2().round().exp2();
         let weight = |(c, moved): (&Constraint, &Yield)| match c.hold {
             Hold::Strength(strength) => {
@@ -292,7 +297,8 @@ impl Many {
         constraints.par_iter().zip(&moved).map(weight).collect()
     }
 
-    /// A factor that holds most of some constraints, and nothing else: one that is kept, or one of what has stayed since the design before.
+    /// A factor that holds most of some constraints, and nothing else: one that is kept, or one of what has stayed
+    /// since the design before.
     fn base(&self, setting: &Setting<'_>, held: &[Held]) -> Result<Option<Arc<Base>>, DesignError> {
         let most = (MOST_ADDED * setting.model.dimension() as f64) as usize / setting.basis.space.block();
         let fits =

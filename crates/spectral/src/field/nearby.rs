@@ -1,9 +1,11 @@
-//! The inverse of a sum of energies from the factor of another one, whose weights are not far: what a slider takes from one place to the next.
+//! The inverse of a sum of energies from the factor of another one, whose weights are not far: what a slider takes from
+//! one place to the next.
 //!
-//! `K = α (K₀ + δ G)`, where `K₀` is factored and `G` is the Gram matrix of an alignment with weights per face. Where `δ` is zero the factor is that
-//! of `K` but for `α`. Elsewhere conjugate gradients are preconditioned by it: with a weight of `G` that is `r` times that in `K₀`, all eigenvalues
-//! of `K₀⁻¹ K / α` lie between 1 and `r`, so that the number of steps does not depend on anything else. Where rounding has it otherwise and the steps
-//! do not converge, `K` is factored itself.
+//! `K = α (K₀ + δ G)`, where `K₀` is factored and `G` is the Gram matrix of an alignment with weights per face. Where
+//! `δ` is zero the factor is that of `K` but for `α`. Elsewhere conjugate gradients are preconditioned by it: with a
+//! weight of `G` that is `r` times that in `K₀`, all eigenvalues of `K₀⁻¹ K / α` lie between 1 and `r`, so that the
+//! number of steps does not depend on anything else. Where rounding has it otherwise and the steps do not converge, `K`
+//! is factored itself.
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
@@ -12,11 +14,12 @@ use chladni_algebra::{FactorError, PANEL_WIDTH, SparseMatrix};
 use super::pencil::{Pencil, Sum};
 use super::pencil_inverse::SparseInverse;
 
-/// How far the weight of an alignment may be from that of the factor, either way: at three, a step leaves a quarter of the error.
+/// How far the weight of an alignment may be from that of the factor, either way: at three, a step leaves a quarter of
+/// the error.
 const FARTHEST: f64 = 3.0;
 
-/// The error that is left, relative to the right-hand side in the norm of the factor, and the most steps: where weights are three times apart, some
-/// twenty lead there.
+/// The error that is left, relative to the right-hand side in the norm of the factor, and the most steps: where weights
+/// are three times apart, some twenty lead there.
 const TOLERANCE: f64 = 1e-12;
 const MOST_STEPS: usize = 40;
 
@@ -86,7 +89,8 @@ impl PartialEq for LastFactor {
 }
 
 impl LastFactor {
-    /// The inverse of a sum of the energies of `pencil`, always the same one, and `weight` times `gram`, always the same.
+    /// The inverse of a sum of the energies of `pencil`, always the same one, and `weight` times `gram`, always the
+    /// same.
     ///
     /// # Errors
     /// [`FactorError`], where a factor is made.
@@ -239,8 +243,8 @@ mod tests {
     use chladni_base::{SplitMix64, Unwatched};
     use chladni_mesh::shape::{Shape, generate};
 
-    /// The inverse for the first weights from the factor for the second, however far that is, a right-hand side, and the solution by a factor of its
-    /// own.
+    /// The inverse for the first weights from the factor for the second, however far that is, a right-hand side, and
+    /// the solution by a factor of its own.
     fn from_afar(weights: Weights, factored: Weights) -> (Nearby, Vec<f64>, Vec<f64>) {
         let surface = FieldSurface::new(generate(Shape::Torus, 800).unwrap()).unwrap();
         let basis = field_basis(&surface, &FieldParameters::new(FieldKind::NVector { n: 4 }, 120), &Unwatched).unwrap();

@@ -1,5 +1,6 @@
-//! Fields on surfaces that have one side, or whose faces do not agree about two. Oracles: the surface with all faces the same way round, and the
-//! orientable surface that covers it twice, on which its fields are those that are the same on both sheets.
+//! Fields on surfaces that have one side, or whose faces do not agree about two. Oracles: the surface with all faces
+//! the same way round, and the orientable surface that covers it twice, on which its fields are those that are the same
+//! on both sheets.
 
 use chladni_algebra::{CpuSolver, DenseMatrix, SparseMatrix, SymmetricDefiniteSolver};
 use chladni_base::Unwatched;
@@ -94,7 +95,8 @@ fn of_operator<const B: usize>(operator: &FieldOperator<B>) -> Vec<f64> {
     spectrum(operator.stiffness.to_sparse().to_dense(), &mass, operator.area)
 }
 
-/// What carries the numbers of a face of one surface into the same face of another one, which may be the other way round.
+/// What carries the numbers of a face of one surface into the same face of another one, which may be the other way
+/// round.
 fn between(from: &FieldSurface, face: usize, to: &FieldSurface, other: usize, order: u32) -> Turn {
     let axis = |v: Planar| to.frames().from_world(other, from.frames().to_world(face, v));
     let (x, y) = (axis([1.0, 0.0]), axis([0.0, 1.0]));
@@ -240,7 +242,8 @@ fn strokes_are_met_and_lines_are_laid_on_a_moebius_strip() {
     let surface = FieldSurface::new(moebius(60, 6)).unwrap();
     let kind = FieldKind::NVector { n: 2 };
     let basis = field_basis(&surface, &FieldParameters::new(kind, 200), &Unwatched).unwrap();
-    // Lines along the strip are parallel all around, as its fibres are: what has nearly no energy on the surface has none in the space either.
+    // Lines along the strip are parallel all around, as its fibres are: what has nearly no energy on the surface has
+    // none in the space either.
     let exact = of_operator(&operator::<2>(&surface, kind))[0];
     let model = DesignModel::new(&basis, &Unwatched).unwrap();
     let lowest = model.values()[0] / basis.area;

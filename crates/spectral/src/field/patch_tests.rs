@@ -1,5 +1,5 @@
-//! The patch test, and what stands on it: fields without energy are in the space, so that designs, eigenvalues and traces do not depend on how many
-//! columns there are.
+//! The patch test, and what stands on it: fields without energy are in the space, so that designs, eigenvalues and
+//! traces do not depend on how many columns there are.
 
 use std::sync::Arc;
 

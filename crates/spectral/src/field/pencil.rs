@@ -1,11 +1,12 @@
-//! The restricted matrices, factored for any weights: what designs in spaces too large for a dense eigenproblem, and wherever a sum is not diagonal
-//! in Ritz coordinates.
+//! The restricted matrices, factored for any weights: what designs in spaces too large for a dense eigenproblem, and
+//! wherever a sum is not diagonal in Ritz coordinates.
 //!
-//! `K = A + μ S̄ M̄⁻¹ S̄` is never formed: its second part is dense. With `y = √μ M̄⁻¹ S̄ x` the system `K x = f` becomes
-//! `[A, √μ S̄; √μ S̄, −M̄] (x, y) = (f, 0)`, which is sparse, and quasi-definite if `A` is definite: `LDLᵀ` exists in every order (Vanderbei 1995).
+//! `K = A + μ S̄ M̄⁻¹ S̄` is never formed: its second part is dense. With `y = √μ M̄⁻¹ S̄ x` the system `K x = f`
+//! becomes `[A, √μ S̄; √μ S̄, −M̄] (x, y) = (f, 0)`, which is sparse, and quasi-definite if `A` is definite: `LDLᵀ`
+//! exists in every order (Vanderbei 1995).
 //!
-//! Where nothing has weights per face, `K` is a product of second order, `μ (S̄ + αM̄) M̄⁻¹ (S̄ + βM̄)`, and its inverse the difference of two inverses:
-//! both factors together have half of the entries of that of the system.
+//! Where nothing has weights per face, `K` is a product of second order, `μ (S̄ + αM̄) M̄⁻¹ (S̄ + βM̄)`, and its
+//! inverse the difference of two inverses: both factors together have half of the entries of that of the system.
 
 use std::sync::{Arc, OnceLock};
 
@@ -16,7 +17,8 @@ use chladni_algebra::{
 use super::pencil_inverse::{Factored, SparseInverse, split};
 use crate::basis::FieldBasis;
 
-/// What is added to make `A` definite, as a weight of `M̄`: far below the lowest positive eigenvalue of a surface of unit area.
+/// What is added to make `A` definite, as a weight of `M̄`: far below the lowest positive eigenvalue of a surface of
+/// unit area.
 const FLOOR: f64 = 1e-6;
 
 /// What holds fields of norm 1 without energy, for weights of the energies.
@@ -27,14 +29,15 @@ pub(super) fn floor(harmonic: f64, biharmonic: f64) -> f64 {
 /// From so many unknowns on, an order by nested dissection saves more than it costs.
 const LARGE: usize = 6000;
 
-/// A factor has at most so many entries for each of its matrix and each halving of its nodes. A test holds spaces of surfaces to a third of it.
+/// A factor has at most so many entries for each of its matrix and each halving of its nodes. A test holds spaces of
+/// surfaces to a third of it.
 const FILL: f64 = 3.0;
 
 /// Factors below this are small, whatever they fill in.
 const SMALL_FACTOR: usize = 1 << 23;
 
-/// Whether a factor fills in as those of surfaces do, which nested dissection keeps to `O(n log n)` entries. Designs are promised no memory
-/// beforehand: this is theirs, and the numbers of the factor are not computed beyond it.
+/// Whether a factor fills in as those of surfaces do, which nested dissection keeps to `O(n log n)` entries. Designs
+/// are promised no memory beforehand: this is theirs, and the numbers of the factor are not computed beyond it.
 pub(super) fn within_surfaces(entries: usize, nonzeros: usize, nodes: usize) -> Result<(), FactorError> {
     let most = (FILL * nonzeros as f64 * (nodes.max(2) as f64).log2()) as usize;
     let most = most.max(SMALL_FACTOR);
@@ -84,7 +87,8 @@ impl PartialEq for Pencil {
     }
 }
 
-/// What is added up: `A = harmonic S̄ + biharmonic B̄ + Σ weight G`, besides `biharmonic S̄ M̄⁻¹ S̄` without a full `B̄`.
+/// What is added up: `A = harmonic S̄ + biharmonic B̄ + Σ weight G`, besides `biharmonic S̄ M̄⁻¹ S̄` without a full
+/// `B̄`.
 pub(super) struct Sum<'a> {
     pub harmonic: f64,
     pub biharmonic: f64,
@@ -189,8 +193,8 @@ impl Pencil {
         Ok(Structure { copies, places, nodes: ordered, offsets, indices, symbolic, tree, reach })
     }
 
-    /// The system for some weights, or the part of it that is of second order. Matrices of `sum` that reach beyond the pattern of the pencil lose what
-    /// lies outside.
+    /// The system for some weights, or the part of it that is of second order. Matrices of `sum` that reach beyond the
+    /// pattern of the pencil lose what lies outside.
     fn assemble(&self, structure: &Structure, sum: &Sum<'_>) -> SparseMatrix {
         let size = structure.offsets.len() - 1;
         let mut values = vec![0.0; structure.indices.len()];

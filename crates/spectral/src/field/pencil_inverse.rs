@@ -9,8 +9,8 @@ use chladni_base::parallel::*;
 use super::pencil::{Structure, Sum};
 use super::roots::Roots;
 
-/// The larger root is at least this, on unit area: the more eigenvalues of the space lie above it, and the farther, the more digits the difference
-/// loses.
+/// The larger root is at least this, on unit area: the more eigenvalues of the space lie above it, and the farther, the
+/// more digits the difference loses.
 const LEAST_ROOT: f64 = 1.0;
 
 /// How much larger it is than the smaller one.
@@ -19,7 +19,8 @@ const APART: f64 = 2.0;
 /// Halves of solves are kept up to this share of the bytes of the factors.
 const HALVES: u64 = 4;
 
-/// The roots of a sum of both energies and a multiple of the mass, where they are so far apart that the difference of the two inverses keeps its digits.
+/// The roots of a sum of both energies and a multiple of the mass, where they are so far apart that the difference of
+/// the two inverses keeps its digits.
 pub(super) fn split(sum: &Sum<'_>) -> Option<Roots> {
     if !(sum.grams.is_empty() && sum.harmonic > 0.0 && sum.biharmonic > 0.0) {
         return None;
@@ -178,7 +179,8 @@ impl SparseInverse {
         }
     }
 
-    /// Those for unit pulls at faces, of which `sides` tells the rows of the space; they are kept, as most faces stay while one is dragged.
+    /// Those for unit pulls at faces, of which `sides` tells the rows of the space; they are kept, as most faces stay
+    /// while one is dragged.
     pub fn halves_of_faces(&self, faces: &[u32], sides: impl Fn(u32) -> Sides) -> Vec<Arc<FewHalves>> {
         let lock = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         // Taken along now: whoever else designs may clear what is kept before the others are made.
@@ -229,7 +231,8 @@ impl SparseInverse {
         (self.first.x(&all), (self.first.root > 0.0).then(laplacian))
     }
 
-    /// `M̄⁻¹ S̄ x` for `x = K⁻¹ f`, whose `S̄ x` is `image`; `None` for a full biharmonic energy, whose system does not hold it.
+    /// `M̄⁻¹ S̄ x` for `x = K⁻¹ f`, whose `S̄ x` is `image`; `None` for a full biharmonic energy, whose system does not
+    /// hold it.
     pub fn laplacian(&self, f: &[f64], image: &[f64]) -> Option<Vec<f64>> {
         if let Some((second, split)) = &self.second {
             let (mut own, mut other) = (f.to_vec(), f.to_vec());

@@ -54,7 +54,8 @@ pub(super) fn assemble(size: usize, mut entries: Vec<(u32, u32, f64)>) -> Sparse
     SparseMatrix::from_sorted_parts(size, size, offsets, indices, values)
 }
 
-/// Makes a Laplacian definite: a vertex of each component is tied to zero where none is fixed, as are vertices without a face.
+/// Makes a Laplacian definite: a vertex of each component is tied to zero where none is fixed, as are vertices without
+/// a face.
 pub(super) fn ground(surface: &FieldSurface, fixed: impl Fn(u32) -> bool, entries: &mut Vec<(u32, u32, f64)>) {
     let mesh = surface.mesh();
     let (components, count) = surface.dual().components();

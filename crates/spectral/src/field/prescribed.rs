@@ -1,10 +1,12 @@
-//! Fields with prescribed singularities: a trivial connection (Crane, Desbrun and Schröder 2010) in the weights of the transport Laplacian.
+//! Fields with prescribed singularities: a trivial connection (Crane, Desbrun and Schröder 2010) in the weights of the
+//! transport Laplacian.
 //!
-//! Between neighbouring faces a unit field turns by an angle `r_e` beside what transport does. Around a vertex these angles and `n` times the
-//! angle defect add up to 360° times `n` times its index; around every other loop they and transport add up to a multiple of 360°. Of all such angles
-//! those of least energy `Σ w_e r_e²` are a co-exact part, from one Poisson problem on the vertices, and a harmonic part, of one unknown for each
-//! independent loop. The field follows from them face by face, up to one angle for each component. Its indices are the prescribed ones exactly: they
-//! are read by the same angles.
+//! Between neighbouring faces a unit field turns by an angle `r_e` beside what transport does. Around a vertex these
+//! angles and `n` times the angle defect add up to 360° times `n` times its index; around every other loop they and
+//! transport add up to a multiple of 360°. Of all such angles those of least energy `Σ w_e r_e²` are a co-exact part,
+//! from one Poisson problem on the vertices, and a harmonic part, of one unknown for each independent loop. The field
+//! follows from them face by face, up to one angle for each component. Its indices are the prescribed ones exactly:
+//! they are read by the same angles.
 
 use std::f64::consts::TAU;
 
@@ -29,7 +31,8 @@ const MOST_LOOPS: usize = 1024;
 pub struct Prescribed {
     /// The vertex, inside the surface.
     pub vertex: u32,
-    /// `n` times the index, not 0: for vector fields the index itself, for tensors (whose eigendirections are a 2-field) twice the index.
+    /// `n` times the index, not 0: for vector fields the index itself, for tensors (whose eigendirections are a
+    /// 2-field) twice the index.
     pub numerator: i32,
 }
 
@@ -110,10 +113,12 @@ fn fraction(sum: i64, order: u32) -> String {
 pub struct PrescribedField {
     kind: FieldKind,
     phases: Vec<Planar>,
-    /// By which angle it turns from the lower face of each edge to the upper one, beside what transport does; it may be more than half a turn.
+    /// By which angle it turns from the lower face of each edge to the upper one, beside what transport does; it may be
+    /// more than half a turn.
     turns: Vec<f64>,
     prescribed: Vec<Prescribed>,
-    /// For each singularity the faces around its vertex, and how much shorter or longer than their mean a field is there that vanishes at the vertex.
+    /// For each singularity the faces around its vertex, and how much shorter or longer than their mean a field is
+    /// there that vanishes at the vertex.
     fans: Vec<Vec<(u32, f64)>>,
     /// For each singularity the mean distance of these faces from the vertex, on unit area.
     distances: Vec<f64>,
@@ -122,7 +127,8 @@ pub struct PrescribedField {
 impl PrescribedField {
     /// Computes the field: a sparse factorisation on the vertices, and two solves or more.
     ///
-    /// On a component without boundary the indices have to add up to its Euler characteristic; a boundary takes what is missing.
+    /// On a component without boundary the indices have to add up to its Euler characteristic; a boundary takes what is
+    /// missing.
     ///
     /// # Errors
     /// [`PrescribedError`] names the singularity that cannot be, or the sum that does not fit.
@@ -163,7 +169,8 @@ impl PrescribedField {
         self.phases.len()
     }
 
-    /// The field, turned by the unit number `turn` as stored numbers turn: two numbers per face, or three for tensors without trace.
+    /// The field, turned by the unit number `turn` as stored numbers turn: two numbers per face, or three for tensors
+    /// without trace.
     pub fn target(&self, turn: Planar) -> Vec<f64> {
         let turn = normalise(turn);
         let mut target = Vec::with_capacity(self.kind.block() * self.phases.len());
@@ -178,8 +185,9 @@ impl PrescribedField {
         stored(self.kind, multiply(turn, self.phases[face]))
     }
 
-    /// The edges across which the field turns by more than half a turn, so that the least angle between the numbers stored there, `field`, is another
-    /// one: with few and large faces around a vertex, or much curvature in it, there is no other way.
+    /// The edges across which the field turns by more than half a turn, so that the least angle between the numbers
+    /// stored there, `field`, is another one: with few and large faces around a vertex, or much curvature in it, there
+    /// is no other way.
     ///
     /// # Panics
     /// Where `field` has another size than the surface has numbers of this kind.
@@ -201,7 +209,8 @@ impl PrescribedField {
         16 * self.phases.len() as u64 + 8 * self.turns.len() as u64
     }
 
-    /// For each singularity the faces around its vertex, with the length there relative to their mean of a field that vanishes at the vertex.
+    /// For each singularity the faces around its vertex, with the length there relative to their mean of a field that
+    /// vanishes at the vertex.
     pub fn fans(&self) -> &[Vec<(u32, f64)>] {
         &self.fans
     }

@@ -80,8 +80,8 @@ fn what_cannot_be_is_named() {
     assert_eq!(error, PrescribedError::Boundary { at: 0, vertex: rim });
 }
 
-/// The index of a vertex from what a field does when it is carried around it, by a way of its own: the turn of each step, with its full turns, and
-/// the angles of the corners of the mesh in space.
+/// The index of a vertex from what a field does when it is carried around it, by a way of its own: the turn of each
+/// step, with its full turns, and the angles of the corners of the mesh in space.
 fn index_around(
     surface: &FieldSurface,
     kind: FieldKind,

@@ -1,4 +1,5 @@
-//! Curvature as fields: the shape operator of each face as a stored tensor, and its directions as something to align to.
+//! Curvature as fields: the shape operator of each face as a stored tensor, and its directions as something to align
+//! to.
 
 use crate::operator::OperatorError;
 use crate::operator::curvature::curvatures;
@@ -7,7 +8,8 @@ use crate::operator::frames::{Planar, power};
 use super::basis::FieldSurface;
 use super::reading::{tensor_deviator, tensor_in_frame};
 
-/// The shape operator in every face, `3F` numbers `(a₁₁, a₂₂, √2 a₁₂)` in the frames, in 1/length of the input: the mean of those of its corners.
+/// The shape operator in every face, `3F` numbers `(a₁₁, a₂₂, √2 a₁₂)` in the frames, in 1/length of the input: the
+/// mean of those of its corners.
 ///
 /// # Errors
 /// [`OperatorError`], as for any mesh without curvature.
@@ -41,8 +43,8 @@ pub struct DirectionField {
     pub weights: Vec<f64>,
 }
 
-/// The eigendirections of stored tensors, of the larger eigenvalue for `n = 2`, of both for `n = 4` and so on, as an n-field. `None` unless `n` is
-/// even and the tensors are three numbers a face.
+/// The eigendirections of stored tensors, of the larger eigenvalue for `n = 2`, of both for `n = 4` and so on, as an
+/// n-field. `None` unless `n` is even and the tensors are three numbers a face.
 pub fn principal_directions(tensors: &[f64], n: u32) -> Option<DirectionField> {
     if n == 0 || !n.is_multiple_of(2) || !tensors.len().is_multiple_of(3) {
         return None;
@@ -69,8 +71,9 @@ pub struct Strand {
     pub tip: [f64; 3],
 }
 
-/// A combed coat: one strand per face, that leans towards a vector field of two numbers per face by at most `tilt` radians, which it reaches where
-/// the field is as long as `full` or longer. `None` unless the field fits and the numbers are finite.
+/// A combed coat: one strand per face, that leans towards a vector field of two numbers per face by at most `tilt`
+/// radians, which it reaches where the field is as long as `full` or longer. `None` unless the field fits and the
+/// numbers are finite.
 pub fn fur(surface: &FieldSurface, field: &[f32], length: f64, tilt: f64, full: f64) -> Option<Vec<Strand>> {
     let sound = length.is_finite() && tilt.is_finite() && full > 0.0;
     if field.len() != 2 * surface.faces() || !sound {

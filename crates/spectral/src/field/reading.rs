@@ -13,7 +13,8 @@ pub fn representation(direction: Planar, n: u32) -> Planar {
     [length * x, length * y]
 }
 
-/// The `n` vectors that a representation stands for: its length, the `n`-th part of its angle, and turns by 360°/n from there.
+/// The `n` vectors that a representation stands for: its length, the `n`-th part of its angle, and turns by 360°/n from
+/// there.
 pub fn roots(representation: Planar, n: u32) -> Vec<Planar> {
     let length = representation[0].hypot(representation[1]);
     let angle = representation[1].atan2(representation[0]);
@@ -56,8 +57,8 @@ pub fn tensor_in_frame(frames: &FaceFrames, face: usize, tensor: [[f64; 3]; 3]) 
     [product(x, x), product(y, y), std::f64::consts::SQRT_2 * 0.5 * (product(x, y) + product(y, x))]
 }
 
-/// The numbers to store in a face for a direction in ℝ³; `None` where it has no part in the plane of the face, or the kind of field has
-/// no directions.
+/// The numbers to store in a face for a direction in ℝ³; `None` where it has no part in the plane of the face, or the
+/// kind of field has no directions.
 pub fn direction_in_frame(kind: FieldKind, frames: &FaceFrames, face: usize, direction: [f64; 3]) -> Option<[f64; 3]> {
     let planar = frames.from_world(face, direction);
     let length = planar[0].hypot(planar[1]);

@@ -1,8 +1,9 @@
-//! Designs in the space of all fields: how far a reduced design is from the field that it stands for, and that field itself.
+//! Designs in the space of all fields: how far a reduced design is from the field that it stands for, and that field
+//! itself.
 //!
-//! With the numbers `C u` of the constrained faces and what holds them, `W`, the field of least energy is `u = K⁻¹(f + Cᵀ y) + Z c` with
-//! `(W⁻¹ + C K⁻¹ Cᵀ) y + C Z c = v − C K⁻¹ f` and `ZᵀCᵀ y = 0`, where `Z` has no energy. The pulls `y` are found by
-//! [`super::refine_pulls`]; `K⁻¹` is applied by [`super::refine_response`].
+//! With the numbers `C u` of the constrained faces and what holds them, `W`, the field of least energy is
+//! `u = K⁻¹(f + Cᵀ y) + Z c` with `(W⁻¹ + C K⁻¹ Cᵀ) y + C Z c = v − C K⁻¹ f` and `ZᵀCᵀ y = 0`, where `Z` has no energy.
+//! The pulls `y` are found by [`super::refine_pulls`]; `K⁻¹` is applied by [`super::refine_response`].
 
 use std::sync::OnceLock;
 
@@ -124,7 +125,8 @@ impl FullSpace {
         Self::within(surface, kind, boundary, USUAL_ROOM, monitor)
     }
 
-    /// The same with so many bytes of room for factors, instead of [`USUAL_ROOM`]; where they do not fit there are levels.
+    /// The same with so many bytes of room for factors, instead of [`USUAL_ROOM`]; where they do not fit there are
+    /// levels.
     ///
     /// # Errors
     /// As for [`new`](Self::new).
@@ -201,9 +203,9 @@ impl FullSpace {
         }
     }
 
-    /// The field of least energy among all fields under the constraints of a design of the same model: constraints and alignments have the weights
-    /// that the design has given them, but for strengths: where there are factors, these are measured by what all fields resist with,
-    /// and both biharmonic energies are `uᵀ S M⁻¹ S u`.
+    /// The field of least energy among all fields under the constraints of a design of the same model: constraints and
+    /// alignments have the weights that the design has given them, but for strengths: where there are factors, these
+    /// are measured by what all fields resist with, and both biharmonic energies are `uᵀ S M⁻¹ S u`.
     ///
     /// `tolerance` is relative: 1e-8 leaves about that share of the field.
     ///
@@ -226,7 +228,8 @@ impl FullSpace {
         }
     }
 
-    /// About the bytes of the two factors that designs with one choice of weights take, with what is kept beside them; 0 where there are none.
+    /// About the bytes of the two factors that designs with one choice of weights take, with what is kept beside them;
+    /// 0 where there are none.
     pub fn bytes_of_factors(&self) -> u64 {
         match &self.inner {
             Inner::Two(whole) => whole.direct.as_ref().map_or(0, Direct::bytes_of_two),

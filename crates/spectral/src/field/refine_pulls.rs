@@ -1,7 +1,8 @@
 //! The pulls that meet constraints among all fields of a surface, by conjugate gradients.
 //!
-//! They are preconditioned by the compliance that the reduced space has at the constrained faces. It misses what is finer than its columns, which does
-//! not reach far: as a share of what a face yields, a number for each, that a first, coarse response of the surface tells.
+//! They are preconditioned by the compliance that the reduced space has at the constrained faces. It misses what is
+//! finer than its columns, which does not reach far: as a share of what a face yields, a number for each, that a first,
+//! coarse response of the surface tells.
 
 use chladni_algebra::{DefiniteError, DefiniteFactor, DenseMatrix, lowest_symmetric};
 use chladni_base::{Monitor, Unwatched};
@@ -23,8 +24,8 @@ const COARSEST_RESPONSE: f64 = 1e-2;
 /// What the compliance of a face lacks in a reduced space, as a share of it.
 const MISSING: f64 = 0.02;
 
-/// How closely the response is computed that tells how much it lacks. A face that lacks a percent of what it yields has to be told from one that lacks
-/// nothing.
+/// How closely the response is computed that tells how much it lacks. A face that lacks a percent of what it yields has
+/// to be told from one that lacks nothing.
 const PROBE: f64 = 1e-3;
 
 /// From this tolerance on that spares more than it costs.
@@ -58,7 +59,8 @@ pub(super) struct Pulls<'a, const B: usize> {
     pub responses: usize,
 }
 
-/// A field without energy at the constrained numbers: those of several, orthonormal in the norm of the inverse of the preconditioner.
+/// A field without energy at the constrained numbers: those of several, orthonormal in the norm of the inverse of the
+/// preconditioner.
 struct Idle {
     values: Vec<f64>,
     /// The pulls that answer them.
@@ -74,8 +76,8 @@ fn solved(factor: &DefiniteFactor, right: &[f64]) -> Result<Vec<f64>, RefineErro
     Ok(x.column(0).to_vec())
 }
 
-/// The mixtures that constraints hold, by the eigenpairs of `(CZ)ᵀ P⁻¹ CZ`. Those that they hardly hold are left out: as `Z` is orthonormal by area,
-/// the field then has as little of them as possible.
+/// The mixtures that constraints hold, by the eigenpairs of `(CZ)ᵀ P⁻¹ CZ`. Those that they hardly hold are left out:
+/// as `Z` is orthonormal by area, the field then has as little of them as possible.
 fn held(fields: &[Vec<f64>], precondition: &DefiniteFactor) -> Result<Vec<Idle>, RefineError> {
     let count = fields.len();
     let pulls = fields.iter().map(|field| solved(precondition, field)).collect::<Result<Vec<_>, _>>()?;
@@ -121,7 +123,8 @@ fn factored(matrix: DenseMatrix, faces: &[u32], b: usize) -> Result<DefiniteFact
     })
 }
 
-/// The factor of what the reduced space has constraints move by and give way, with what it lacks at each face as a share.
+/// The factor of what the reduced space has constraints move by and give way, with what it lacks at each face as a
+/// share.
 fn preconditioner<const B: usize>(
     compliance: &Compliance,
     missing: impl Fn(usize) -> f64,
@@ -199,7 +202,8 @@ impl<'a, const B: usize> Pulls<'a, B> {
         self.response.apply(&force, tolerance, self.monitor)
     }
 
-    /// The pulls that the reduced space would answer a miss with. What fields without energy meet of it is taken out, and added to their amounts.
+    /// The pulls that the reduced space would answer a miss with. What fields without energy meet of it is taken out,
+    /// and added to their amounts.
     fn answer(&self, miss: &mut [f64], amounts: &mut [f64]) -> Result<Vec<f64>, RefineError> {
         let mut y = solved(&self.precondition, miss)?;
         for idle in &self.idle {
@@ -211,7 +215,8 @@ impl<'a, const B: usize> Pulls<'a, B> {
         Ok(y)
     }
 
-    /// Learns from one coarse response what the reduced space lacks at each face, which spares steps that are computed closely.
+    /// Learns from one coarse response what the reduced space lacks at each face, which spares steps that are computed
+    /// closely.
     fn learn(&mut self, pulls: &[f64]) -> Result<(), RefineError> {
         let moved = self.respond(pulls, PROBE)?;
         let moved = at_faces::<B>(&self.compliance.faces, &moved);
@@ -221,8 +226,8 @@ impl<'a, const B: usize> Pulls<'a, B> {
         Ok(())
     }
 
-    /// What the reduced space lacks at each face, as a share of what it has a pull move there: what pulls did not move as it has it is put down to
-    /// the face itself, since what is finer than columns does not reach far.
+    /// What the reduced space lacks at each face, as a share of what it has a pull move there: what pulls did not move
+    /// as it has it is put down to the face itself, since what is finer than columns does not reach far.
     fn missing(&self, pulls: &[f64], moved: &[f64]) -> Vec<f64> {
         let reduced = &self.compliance.moved;
         let one = |face: usize| {

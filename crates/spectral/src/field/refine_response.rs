@@ -1,8 +1,9 @@
-//! What forces move in the space of all fields of a surface: `K⁻¹ f` for `K = h S + μ S M⁻¹ S + A`, by conjugate gradients with multigrid cycles.
+//! What forces move in the space of all fields of a surface: `K⁻¹ f` for `K = h S + μ S M⁻¹ S + A`, by conjugate
+//! gradients with multigrid cycles.
 //!
-//! With `A = a M` and `(h / μ)² ≥ 4 a / μ` the biharmonic sum is a product, `K = μ (S + αM) M⁻¹ (S + βM)` with `α + β = h / μ` and `αβ = a / μ`, so
-//! that it takes two solves of second order, whose condition is the root of that of `K`. Any other `K` is solved with the nearest product as
-//! preconditioner.
+//! With `A = a M` and `(h / μ)² ≥ 4 a / μ` the biharmonic sum is a product, `K = μ (S + αM) M⁻¹ (S + βM)` with
+//! `α + β = h / μ` and `αβ = a / μ`, so that it takes two solves of second order, whose condition is the root of that
+//! of `K`. Any other `K` is solved with the nearest product as preconditioner.
 
 use std::sync::{Arc, OnceLock};
 
@@ -16,7 +17,8 @@ use super::direct::{Direct, ShiftedFactor};
 use super::kernel::{Kernel, orthonormalise};
 use super::refine::RefineError;
 
-/// Cycles are for `S + γM` with `γ` at least this, far below the lowest positive eigenvalue of most surfaces of unit area: `S` alone may be singular.
+/// Cycles are for `S + γM` with `γ` at least this, far below the lowest positive eigenvalue of most surfaces of unit
+/// area: `S` alone may be singular.
 const LEAST_SHIFT: f64 = 0.05;
 
 /// Cycles are in single precision, which has no room for larger shifts.
@@ -186,7 +188,8 @@ impl<const B: usize> Whole<B> {
         Ok(Factor { gamma, solver })
     }
 
-    /// Fields without energy from approximations of them: by inverse iteration, orthonormal. Those that have energy after all are left out.
+    /// Fields without energy from approximations of them: by inverse iteration, orthonormal. Those that have energy
+    /// after all are left out.
     pub fn polished(&self, mut fields: Vec<Vec<f64>>, monitor: &dyn Monitor) -> Result<Vec<Vec<f64>>, RefineError> {
         let factor = self.factor(1.0)?;
         for _ in 0..2 {
@@ -322,7 +325,8 @@ impl<'a, const B: usize> Response<'a, B> {
         Ok(Self { whole, sum, product, exact, kernel })
     }
 
-    /// Whether the surface has fields without energy that are not known, where these would have to be kept apart: inverse iteration finds one.
+    /// Whether the surface has fields without energy that are not known, where these would have to be kept apart:
+    /// inverse iteration finds one.
     pub fn lacks_idle_fields(&self, monitor: &dyn Monitor) -> Result<bool, RefineError> {
         let needed = match &self.product {
             Product::Two(small, _) => small.gamma == 0.0,
@@ -402,8 +406,8 @@ impl<'a, const B: usize> Response<'a, B> {
     }
 }
 
-/// Conjugate gradients from zero, until the residual is that much smaller in the norm of the preconditioner, which may differ a little from step to
-/// step.
+/// Conjugate gradients from zero, until the residual is that much smaller in the norm of the preconditioner, which may
+/// differ a little from step to step.
 pub(super) fn conjugate_gradients(
     apply: impl Fn(&[f64]) -> Vec<f64>,
     precondition: impl Fn(&[f64]) -> Result<Vec<f64>, RefineError>,
@@ -456,7 +460,8 @@ fn steps(
         if next.abs() <= goal {
             return Ok((x, true));
         }
-        // What the new residual shares with the last, which is nothing where the preconditioner stays the same, is taken out of the direction.
+        // What the new residual shares with the last, which is nothing where the preconditioner stays the same, is
+        // taken out of the direction.
         let shared = next + step * kept;
         let keep = (next - shared) / rz;
         rz = next;

@@ -185,7 +185,8 @@ fn refined_designs_on_a_finer_surface_are_those_of_a_sparse_factor_and_estimates
     }
 }
 
-/// Strokes on a surface: the refined design is that of a sparse factor, and the estimate of the distance is within a tenth.
+/// Strokes on a surface: the refined design is that of a sparse factor, and the estimate of the distance is within a
+/// tenth.
 fn agrees(p: &Problem, name: &str) {
     let weights = EnergyWeights::default();
     let weighted = p.model.weighted(weights, None).unwrap();
@@ -226,7 +227,8 @@ fn whatever_tolerance_is_allowed_a_design_is_refined_to_it() {
     }
 }
 
-/// One stroke fixes two of the four numbers of fields without energy on two plates. The least field that meets it is zero on the other plate.
+/// One stroke fixes two of the four numbers of fields without energy on two plates. The least field that meets it is
+/// zero on the other plate.
 #[test]
 fn fields_without_energy_that_no_constraint_holds_are_as_small_as_possible() {
     let plates = [260, 300].map(|vertices| generate(Shape::Rectangle, vertices).unwrap());

@@ -12,7 +12,8 @@ pub(super) struct Roots {
 }
 
 impl Roots {
-    /// Those of `harmonic`, `biharmonic` and `uniform` weights: where they are real, not the same, and of the range of numbers.
+    /// Those of `harmonic`, `biharmonic` and `uniform` weights: where they are real, not the same, and of the range of
+    /// numbers.
     pub fn of(harmonic: f64, biharmonic: f64, uniform: f64) -> Option<Self> {
         let (half, held) = (0.5 * harmonic / biharmonic, uniform / biharmonic);
         let square = half * half - held;

@@ -40,7 +40,8 @@ impl Hasher for Spread {
     }
 }
 
-/// The number of a cell. Those that are two million cells apart share theirs, which costs time where both are full, and nothing else.
+/// The number of a cell. Those that are two million cells apart share theirs, which costs time where both are full, and
+/// nothing else.
 fn number(cell: [i64; 3]) -> u64 {
     cell.iter().fold(0, |number, &x| number << 21 | (x as u64 & 0x1f_ffff))
 }

@@ -1,9 +1,10 @@
 //! Where a field has no direction: the index of each vertex, from the rotation of the field around it.
 //!
-//! Between neighbouring faces an n-field turns by the least angle `r_e` that carries the representation of one into that of the other. Around a
-//! vertex these angles and `n` times the angle defect `K` add up to a multiple of 360°, and the index is that multiple over `n`. As each `r_e` is
-//! computed once and seen from both ends with opposite signs, the indices of a closed surface add up to its Euler characteristic exactly. A mirror
-//! image of a field has the same indices, so that they are there, with their signs, where a surface has only one side.
+//! Between neighbouring faces an n-field turns by the least angle `r_e` that carries the representation of one into
+//! that of the other. Around a vertex these angles and `n` times the angle defect `K` add up to a multiple of 360°, and
+//! the index is that multiple over `n`. As each `r_e` is computed once and seen from both ends with opposite signs, the
+//! indices of a closed surface add up to its Euler characteristic exactly. A mirror image of a field has the same
+//! indices, so that they are there, with their signs, where a surface has only one side.
 
 use chladni_base::parallel::*;
 
@@ -31,7 +32,8 @@ impl Singularity {
     }
 }
 
-/// The singular vertices of a field of `block` numbers per face, ascending; `None` unless it fits. Vertices at a boundary have no index.
+/// The singular vertices of a field of `block` numbers per face, ascending; `None` unless it fits. Vertices at a
+/// boundary have no index.
 pub fn singularities(surface: &FieldSurface, kind: FieldKind, field: &[f32]) -> Option<Vec<Singularity>> {
     matched_singularities(surface, kind, field, &[])
 }
@@ -43,13 +45,13 @@ pub struct Matching {
     pub edge: u32,
     /// The lower face of the edge and the upper one.
     pub faces: [u32; 2],
-    /// Full turns from the lower face to the upper one, not 0. Of the `n` directions number `k` of the lower face goes on as the `turns` next one
-    /// beyond that which is nearest to it.
+    /// Full turns from the lower face to the upper one, not 0. Of the `n` directions number `k` of the lower face goes
+    /// on as the `turns` next one beyond that which is nearest to it.
     pub turns: i32,
 }
 
-/// The singular vertices of a field whose faces are matched: without a matching, a turn of more than 180° is read as the smaller one the other way
-/// round.
+/// The singular vertices of a field whose faces are matched: without a matching, a turn of more than 180° is read as
+/// the smaller one the other way round.
 pub fn matched_singularities(
     surface: &FieldSurface,
     kind: FieldKind,
@@ -91,7 +93,8 @@ pub fn matched_singularities(
     Some(found)
 }
 
-/// From the lower face of each edge to the upper one, by which angle from −180° to 180° a field turns; 0 at a boundary. `None` unless it fits.
+/// From the lower face of each edge to the upper one, by which angle from −180° to 180° a field turns; 0 at a boundary.
+/// `None` unless it fits.
 pub(super) fn least_angles(surface: &FieldSurface, kind: FieldKind, field: &[f32]) -> Option<Vec<f64>> {
     let b = kind.block();
     if field.len() != b * surface.faces() {

@@ -1,7 +1,9 @@
-//! How softly a constraint of a strength is held: so that alone it misses the share that its strength stands for, whatever its direction.
+//! How softly a constraint of a strength is held: so that alone it misses the share that its strength stands for,
+//! whatever its direction.
 //!
-//! Pulls `y` at a face move its numbers by `C y`. Held with slack `σ` for a value `v`, they are pulled by `y = (C + σ)⁻¹v` and miss `σ y`. Beside a boundary, or on
-//! stretched faces, a field yields far less in one direction than in another: one `σ` for every value would miss some directions altogether.
+//! Pulls `y` at a face move its numbers by `C y`. Held with slack `σ` for a value `v`, they are pulled by
+//! `y = (C + σ)⁻¹v` and miss `σ y`. Beside a boundary, or on stretched faces, a field yields far less in one direction
+//! than in another: one `σ` for every value would miss some directions altogether.
 
 /// The product `C` of a face, `b × b` with `b ≤ 3`, in the upper left.
 pub(super) type Yield = [[f64; 3]; 3];
@@ -17,7 +19,8 @@ pub(super) fn mean(own: &Yield, b: usize) -> f64 {
     (0..b).map(|i| own[i][i]).sum::<f64>() / b as f64
 }
 
-/// The slack with which a lone constraint misses `share / (1 + share)` of its length; `mean` is what pulls move on average, anywhere.
+/// The slack with which a lone constraint misses `share / (1 + share)` of its length; `mean` is what pulls move on
+/// average, anywhere.
 pub(super) fn of_share(own: &Yield, b: usize, value: &[f64; 3], share: f64, mean_of_all: f64) -> f64 {
     // A pull moves everything somewhere; if not, the mean does.
     let least = LEAST * mean_of_all;

@@ -1,5 +1,5 @@
-//! What smooths columns: heat steps by conjugate gradients, multigrid cycles, and a Chebyshev polynomial. All on the pattern of a column,
-//! zero outside, for its `B` right-hand sides at once, in single precision.
+//! What smooths columns: heat steps by conjugate gradients, multigrid cycles, and a Chebyshev polynomial. All on the
+//! pattern of a column, zero outside, for its `B` right-hand sides at once, in single precision.
 
 use chladni_algebra::{BlockMatrix, inverse_positive, vectorized};
 use chladni_base::parallel::*;
@@ -13,7 +13,8 @@ const MOST_ITERATIONS: usize = 1000;
 /// Multigrid cycles of a heat step at most.
 const MOST_CYCLES: usize = 30;
 
-/// Degree of the smoother before and after a coarse correction, and the lower end of what it damps, where the spectrum ends at 2.
+/// Degree of the smoother before and after a coarse correction, and the lower end of what it damps, where the spectrum
+/// ends at 2.
 pub(super) const CYCLE_DEGREE: usize = 2;
 pub(super) const CYCLE_LEAST: f32 = 0.2;
 
@@ -259,8 +260,8 @@ fn apply<const B: usize>(
     rows.multiply(nodes, scratch, into);
 }
 
-/// Preconditioned conjugate gradients, each of the `B` right-hand sides with its own coefficients, until the squared norm of each residual is
-/// below its limit.
+/// Preconditioned conjugate gradients, each of the `B` right-hand sides with its own coefficients, until the squared
+/// norm of each residual is below its limit.
 fn conjugate_gradients<const B: usize, C>(
     context: &mut C,
     multiply: impl Fn(&mut C, &[Small<B>], &mut [Small<B>]),
@@ -373,7 +374,8 @@ impl<'a, const B: usize> Heat<'a, B> {
                 apply(&self.steps[0].system, faces, v, &mut scratch.vectors[0], into);
             };
             let precondition = |scratch: &mut Scratch<B>, r: &[Small<B>]| self.cycle(0, r, scratch);
-            // The norm that the preconditioner gives residuals is that of errors in energy: x is near enough to scale it.
+            // The norm that the preconditioner gives residuals is that of errors in energy: x is near enough to scale
+            // it.
             let limit = inner(&rhs, &column.blocks).map(|s| s.abs() * tolerance * tolerance);
             conjugate_gradients(scratch, multiply, precondition, &mut column.blocks, &rhs, limit, MOST_CYCLES);
             for level in 1..self.levels.len() {
@@ -454,7 +456,8 @@ impl<const B: usize> CycleLevel<B> {
     }
 }
 
-/// What a Chebyshev step keeps of the last change and adds of the scaled residual; the spectrum ends at 2, its part above `least` is damped.
+/// What a Chebyshev step keeps of the last change and adds of the scaled residual; the spectrum ends at 2, its part
+/// above `least` is damped.
 pub(super) fn chebyshev(degree: usize, least: f32) -> impl Iterator<Item = (f32, f32)> {
     let (middle, half) = (0.5 * (2.0 + least), 0.5 * (2.0 - least));
     let mut ratio = half / middle;

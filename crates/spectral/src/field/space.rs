@@ -2,8 +2,8 @@
 
 use crate::basis::FieldSpace;
 
-/// One locally supported group of `B` columns: the faces it lives on, ascending, and a `B × B` block for each, row `i` of which holds number `i` of
-/// the face.
+/// One locally supported group of `B` columns: the faces it lives on, ascending, and a `B × B` block for each, row `i`
+/// of which holds number `i` of the face.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Column<const B: usize> {
     pub faces: Vec<u32>,

@@ -1,7 +1,7 @@
 //! Evenly spaced streamlines of n-fields on a surface (Jobard and Lefer 1997): the strokes of a hatching.
 //!
-//! Where a field has several directions, lines cross those of the others and keep their distance only from their own kind: those that run within half
-//! the angle between two directions.
+//! Where a field has several directions, lines cross those of the others and keep their distance only from their own
+//! kind: those that run within half the angle between two directions.
 
 use std::collections::VecDeque;
 
@@ -28,8 +28,8 @@ const LONGEST: f64 = 100.0;
 /// Levels at most.
 const MOST_LEVELS: u32 = 6;
 
-/// Lines of further levels begin where no other is closer than this share of the spacing: between two lines there is not always a whole spacing on
-/// both sides.
+/// Lines of further levels begin where no other is closer than this share of the spacing: between two lines there is
+/// not always a whole spacing on both sides.
 const BETWEEN_SHARE: f64 = 0.75;
 
 /// A line ends where another is closer than this share of the spacing.
@@ -45,8 +45,8 @@ pub struct HatchingParameters {
     pub least_length: f64,
     /// Lines at most.
     pub most_lines: usize,
-    /// How many levels there are, 1 to 6: the lines of the first are `2^(levels − 1)` spacings apart, those of each further one lie between those
-    /// that are there, at half the distance; the last are at the spacing.
+    /// How many levels there are, 1 to 6: the lines of the first are `2^(levels − 1)` spacings apart, those of each
+    /// further one lie between those that are there, at half the distance; the last are at the spacing.
     pub levels: u32,
 }
 
@@ -91,9 +91,9 @@ pub enum StreamlineError {
     Cancelled(#[from] Cancelled),
 }
 
-/// Evenly spaced lines that follow the `n` directions of a field of representation vectors, two numbers per face; those along one direction cross
-/// those along another. Seeds lie beside lines that are there and on them, then in faces that no line comes near; the same field gives the same
-/// lines.
+/// Evenly spaced lines that follow the `n` directions of a field of representation vectors, two numbers per face; those
+/// along one direction cross those along another. Seeds lie beside lines that are there and on them, then in faces that
+/// no line comes near; the same field gives the same lines.
 ///
 /// # Errors
 /// [`StreamlineError`]: parameters out of range, a field that does not fit, or the work was cancelled.
@@ -222,8 +222,8 @@ impl Hatching<'_> {
         [0, 1, 2].map(|i| (0..3).map(|k| place.at[k] * mesh.positions[face[k] as usize][i]).sum())
     }
 
-    /// The direction of the field in a face nearest to `towards`, of unit length; `None` where the field is zero. With a sign of −1 lines run against
-    /// the field, which for even `n` is the same.
+    /// The direction of the field in a face nearest to `towards`, of unit length; `None` where the field is zero. With
+    /// a sign of −1 lines run against the field, which for even `n` is the same.
     fn direction(&self, face: u32, towards: Planar, sign: f64) -> Option<Planar> {
         let [x, y] = [0, 1].map(|i| f64::from(self.field[2 * face as usize + i]));
         if !(x.hypot(y) > 1e-30 && x.is_finite() && y.is_finite()) {
@@ -426,7 +426,8 @@ impl Hatching<'_> {
         (sum > 0.5 && sum.is_finite()).then(|| Place { face, at: at.map(|x| x / sum) })
     }
 
-    /// Straight ahead for a distance, the direction there, and whether left and right have changed; `None` at a boundary.
+    /// Straight ahead for a distance, the direction there, and whether left and right have changed; `None` at a
+    /// boundary.
     fn walk(&self, from: Place, direction: Planar, distance: f64) -> Option<(Place, Planar, bool)> {
         let (mut here, mut direction, mut rest, mut turned) = (from, direction, distance, false);
         for _ in 0..10_000 {
@@ -453,8 +454,8 @@ impl Hatching<'_> {
         self.near_in(&self.samples, place, direction, distance, own)
     }
 
-    /// Whether a sample of a line of the kind that runs in a direction lies within a distance, on the same side if there are two. Of the line `own`
-    /// only what is far along it counts.
+    /// Whether a sample of a line of the kind that runs in a direction lies within a distance, on the same side if
+    /// there are two. Of the line `own` only what is far along it counts.
     fn near_in(
         &self,
         samples: &Samples,

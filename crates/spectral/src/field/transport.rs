@@ -1,9 +1,11 @@
-//! Vectors carried over a surface from where they are given, along shortest paths: the vector heat method (Sharp, Soliman and Crane 2019).
+//! Vectors carried over a surface from where they are given, along shortest paths: the vector heat method (Sharp,
+//! Soliman and Crane 2019).
 //!
-//! Card. `(M + tS) Y = Σ x_i δ_i` with the connection Laplacian of [`crate::operator::transport`] has the directions; `(M + tL)` with the Laplacian
-//! of numbers on faces, of the same weights, has the lengths: `Y / |Y| · u / φ` with right-hand sides `|x_i|` and 1. Where sources compete, the
-//! nearest wins. On planes it is exact; on a sphere the mean angle to what great circles carry is .011, .007 and .006 with 1,280, 5,120 and 20,480
-//! faces: it does not vanish with their size, as differences across edges are not consistent and heat takes ways that are a little longer than the
+//! Card. `(M + tS) Y = Σ x_i δ_i` with the connection Laplacian of [`crate::operator::transport`] has the directions;
+//! `(M + tL)` with the Laplacian of numbers on faces, of the same weights, has the lengths: `Y / |Y| · u / φ` with
+//! right-hand sides `|x_i|` and 1. Where sources compete, the nearest wins. On planes it is exact; on a sphere the mean
+//! angle to what great circles carry is .011, .007 and .006 with 1,280, 5,120 and 20,480 faces: it does not vanish with
+//! their size, as differences across edges are not consistent and heat takes ways that are a little longer than the
 //! shortest.
 
 use chladni_algebra::SparseMatrix;
@@ -15,8 +17,8 @@ use crate::operator::hodge::FieldBoundary;
 use crate::operator::tangential::FieldOperator;
 use crate::operator::transport::FieldKind;
 
-/// Heat decays by a factor of e over `√t`. Beyond so many of them double precision has nothing left, with a margin for ways that are longer than a
-/// box.
+/// Heat decays by a factor of e over `√t`. Beyond so many of them double precision has nothing left, with a margin for
+/// ways that are longer than a box.
 const FARTHEST: f64 = 120.0;
 
 /// The time of the heat steps for each length of an edge, both on the surface of unit area.
@@ -69,7 +71,8 @@ pub enum TransportError {
 const LEAST_HEAT: f64 = 1e-290;
 
 impl VectorHeat {
-    /// Factors both heat steps, of a time in proportion to the mean length of edges; longer where the surface is so large that no heat would arrive.
+    /// Factors both heat steps, of a time in proportion to the mean length of edges; longer where the surface is so
+    /// large that no heat would arrive.
     ///
     /// # Errors
     /// [`TransportError`].
@@ -88,7 +91,8 @@ impl VectorHeat {
             high - low
         };
         let size = (0..3).map(|i| extent(i).powi(2)).sum::<f64>().sqrt() / frames.area().sqrt();
-        // Over less than a few faces heat follows the graph of the faces, not the surface: √t shrinks more slowly than they do.
+        // Over less than a few faces heat follows the graph of the faces, not the surface: √t shrinks more slowly than
+        // they do.
         let time = (mean * SPREAD).max(mean.powi(2)).max((size / FARTHEST).powi(2));
         let stiffness = operator.stiffness.to_sparse();
         let vectors = heated(&stiffness, |row| operator.mass[row / 2], time);
@@ -197,7 +201,8 @@ mod tests {
         assert!(lengths.iter().all(|l| (0.999..5.001).contains(l)));
     }
 
-    /// The mean angle between carried vectors and those that great circles carry, but for a cap around the opposite point.
+    /// The mean angle between carried vectors and those that great circles carry, but for a cap around the opposite
+    /// point.
     fn off(vertices: usize) -> f64 {
         let surface = surface(Shape::Sphere, vertices);
         let mesh = surface.mesh();

@@ -1,13 +1,15 @@
-//! What makes a space reproduce fields that are parallel as far as the surface lets them be: the blocks of each face, freed from what carries them,
-//! are made to add up to one.
+//! What makes a space reproduce fields that are parallel as far as the surface lets them be: the blocks of each face,
+//! freed from what carries them, are made to add up to one.
 //!
-//! Column `g` holds at face `f` a block `w_fg T_fg` with the transport `T_fg` from the sample of `g` and a weight. Where transport does not depend on
-//! the way, a parallel field has as coefficients its own numbers at the samples, and the space holds it to the last bit if `Σ_g w_fg = 1` on every
-//! face: the patch test of finite elements. Shrinking blocks breaks that sum, by the more the more columns there are; dividing by it puts it right.
+//! Column `g` holds at face `f` a block `w_fg T_fg` with the transport `T_fg` from the sample of `g` and a weight.
+//! Where transport does not depend on the way, a parallel field has as coefficients its own numbers at the samples, and
+//! the space holds it to the last bit if `Σ_g w_fg = 1` on every face: the patch test of finite elements. Shrinking
+//! blocks breaks that sum, by the more the more columns there are; dividing by it puts it right.
 //!
-//! `T` is not stored: it is the phase that a block had before it was smoothed for the last time. For n-vectors weights are complex numbers and so is
-//! their sum; tensors have a real one for their trace beside that of their deviator. Spaces of the Hodge–Laplacian stay as they are: what it has as
-//! kernel are the harmonic fields, which are dense columns.
+//! `T` is not stored: it is the phase that a block had before it was smoothed for the last time. For n-vectors weights
+//! are complex numbers and so is their sum; tensors have a real one for their trace beside that of their deviator.
+//! Spaces of the Hodge–Laplacian stay as they are: what it has as kernel are the harmonic fields, which are dense
+//! columns.
 
 use chladni_base::parallel::*;
 
@@ -28,7 +30,8 @@ pub(super) struct Parts {
 }
 
 impl Parts {
-    /// The parts of a block that is a multiple of a turn but for rounding; with `mirrored` of one that follows a change of orientation.
+    /// The parts of a block that is a multiple of a turn but for rounding; with `mirrored` of one that follows a change
+    /// of orientation.
     pub fn of<const B: usize>(kind: FieldKind, block: &Small<B>, mirrored: bool) -> Self {
         let sign = if mirrored { -1.0 } else { 1.0 };
         let b = block.map(|row| row.map(f64::from));
@@ -65,7 +68,8 @@ pub(super) fn weights<const B: usize>(kind: FieldKind, before: &[Small<B>], afte
         .collect()
 }
 
-/// Divides the blocks of each face by the sum of their weights. `weights` has a list for each column, as [`weights`] gives it.
+/// Divides the blocks of each face by the sum of their weights. `weights` has a list for each column, as [`weights`]
+/// gives it.
 pub(super) fn divide<const B: usize>(kind: FieldKind, columns: &mut [Column<B>], weights: &[Vec<Parts>], faces: usize) {
     let mut sums = vec![Parts::default(); faces];
     for (column, weights) in columns.iter().zip(weights) {

@@ -22,26 +22,30 @@ use super::pencil::{Pencil, Sum, floor};
 
 pub(super) use multipliers::{System, amounts_of_kernel};
 
-/// Ritz values below this share of the largest count as zero, or below so much on unit area: a space that has fields without energy alone has no other
-/// values than what rounding leaves of these.
+/// Ritz values below this share of the largest count as zero, or below so much on unit area: a space that has fields
+/// without energy alone has no other values than what rounding leaves of these.
 const KERNEL: f64 = 1e-10;
 const LEAST: f64 = 1e-7;
 
-/// Spaces with more fields without energy, as those of many components, take all constraints into one system, however many there are: what holds such
-/// fields in the matrix of the energies would outweigh all else where a component has nothing but them.
+/// Spaces with more fields without energy, as those of many components, take all constraints into one system, however
+/// many there are: what holds such fields in the matrix of the energies would outweigh all else where a component has
+/// nothing but them.
 const MOST_IDLE: usize = 24;
 
-/// What the faces around a prescribed singularity give way, as such a share. A space is hardly able to give them all what they should have: forced
-/// to, it gets other singularities. Where a field does not have the singularity yet, its faces give way less.
+/// What the faces around a prescribed singularity give way, as such a share. A space is hardly able to give them all
+/// what they should have: forced to, it gets other singularities. Where a field does not have the singularity yet, its
+/// faces give way less.
 const AROUND: f64 = 1e-3;
 
 /// So often at most faces around singularities are made to give way less.
 const ROUNDS: usize = 7;
 
-/// The least length of a field around a prescribed singularity, as a share of what it would have if it grew to 1 over the distance of two samples.
+/// The least length of a field around a prescribed singularity, as a share of what it would have if it grew to 1 over
+/// the distance of two samples.
 const LEAST_GROWTH: f64 = 0.3;
 
-/// `K⁻¹` for one choice of weights: diagonal in Ritz coordinates, or a sparse factor. Keep it as long as weights do not change.
+/// `K⁻¹` for one choice of weights: diagonal in Ritz coordinates, or a sparse factor. Keep it as long as weights do not
+/// change.
 pub struct WeightedModel {
     model: DesignModel,
     pencil: Option<Arc<Pencil>>,
@@ -79,9 +83,10 @@ enum Inverse {
 }
 
 impl DesignModel {
-    /// Makes the model ready for some weights. Free of cost in Ritz coordinates; a sparse factorisation where the space has none, or the alignment
-    /// has weights per face. One alignment with weights per face goes on with the factor of the last model that is still there, where both energies
-    /// and their alignment are up to three times apart from what they are in that.
+    /// Makes the model ready for some weights. Free of cost in Ritz coordinates; a sparse factorisation where the space
+    /// has none, or the alignment has weights per face. One alignment with weights per face goes on with the factor of
+    /// the last model that is still there, where both energies and their alignment are up to three times apart from
+    /// what they are in that.
     ///
     /// # Errors
     /// [`DesignError`]: weights that are negative or all zero.
@@ -93,8 +98,9 @@ impl DesignModel {
         self.weighted_with(weights, alignment.into_iter().collect(), None)
     }
 
-    /// The same with several fields to stay close to, and one with prescribed singularities. Its weight is that of [`Alignment`]s without weights per
-    /// face: the larger it is against the energies, the closer the design is to it, and the fewer other singularities it has.
+    /// The same with several fields to stay close to, and one with prescribed singularities. Its weight is that of
+    /// [`Alignment`]s without weights per face: the larger it is against the energies, the closer the design is to it,
+    /// and the fewer other singularities it has.
     ///
     /// # Errors
     /// As for [`weighted`](Self::weighted).
@@ -182,8 +188,8 @@ impl DesignModel {
         (values.iter().enumerate().map(one).collect(), kernel)
     }
 
-    /// `K⁻¹` by a sparse factor, where there is one alignment with weights per face by one nearby if there is one; and the matrices that it is made
-    /// of.
+    /// `K⁻¹` by a sparse factor, where there is one alignment with weights per face by one nearby if there is one; and
+    /// the matrices that it is made of.
     fn sparse_inverse(
         &self,
         weights: EnergyWeights,
@@ -231,8 +237,8 @@ fn times(matrix: &SparseMatrix, x: &[f64]) -> Vec<f64> {
 }
 
 impl WeightedModel {
-    /// The field of least energy under the constraints. With prescribed singularities the faces around them are constrained too: to the direction
-    /// that they prescribe, and to the length that the field has there without.
+    /// The field of least energy under the constraints. With prescribed singularities the faces around them are
+    /// constrained too: to the direction that they prescribe, and to the length that the field has there without.
     ///
     /// # Errors
     /// [`DesignError`] names the constraint that cannot be used or met.
@@ -240,7 +246,8 @@ impl WeightedModel {
         self.solve_with(basis, constraints, true)
     }
 
-    /// The same without coefficients, which take a product of the square of the dimension: whether there is such a field, and its energies.
+    /// The same without coefficients, which take a product of the square of the dimension: whether there is such a
+    /// field, and its energies.
     ///
     /// # Errors
     /// As for [`solve`](Self::solve).
@@ -310,7 +317,8 @@ impl WeightedModel {
         self.finish(found, turn, residuals, (!coefficients).then(Vec::new))
     }
 
-    /// The same in the space itself, where there are many constraints; `None` where there are not, or where that cannot be.
+    /// The same in the space itself, where there are many constraints; `None` where there are not, or where that cannot
+    /// be.
     fn solve_many(
         &self,
         basis: &FieldBasis,
@@ -429,8 +437,8 @@ impl WeightedModel {
         Ok(moved)
     }
 
-    /// What has no energy and is to be told apart from what yields: strengths are measured by the latter. Ritz coordinates know it; with a sparse
-    /// factor it is looked for once.
+    /// What has no energy and is to be told apart from what yields: strengths are measured by the latter. Ritz
+    /// coordinates know it; with a sparse factor it is looked for once.
     fn free(&self, conditions: &[Condition]) -> Kernel<'_> {
         if let Inverse::Ritz(_) = self.inverse {
             return Kernel::Coordinates(&self.kernel);
@@ -442,7 +450,8 @@ impl WeightedModel {
         self.idle().map_or(Kernel::Coordinates(&[]), Kernel::Fields)
     }
 
-    /// Fields of next to no energy, where the inverse is a sparse factor of the energies: beside an alignment there are none.
+    /// Fields of next to no energy, where the inverse is a sparse factor of the energies: beside an alignment there are
+    /// none.
     fn idle(&self) -> Option<&[Idle]> {
         let (Inverse::Sparse(inverse), Some(pencil)) = (&self.inverse, &self.pencil) else { return None };
         let factor = inverse.alone()?;

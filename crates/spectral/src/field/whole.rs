@@ -10,8 +10,9 @@ use crate::operator::transport::FieldKind;
 
 use super::basis::FieldSurface;
 
-/// All fields of a surface as a basis: `U` is the identity, so that `S̄`, `M̄` are `S`, `M`, and both biharmonic energies are `S M⁻¹ S`. Designs in
-/// it, by [`super::DesignModel::sparse`], are the exact minimisers; they cost a factorisation of the size of the mesh.
+/// All fields of a surface as a basis: `U` is the identity, so that `S̄`, `M̄` are `S`, `M`, and both biharmonic
+/// energies are `S M⁻¹ S`. Designs in it, by [`super::DesignModel::sparse`], are the exact minimisers; they cost a
+/// factorisation of the size of the mesh.
 ///
 /// # Errors
 /// [`OperatorError`]: the kind is out of range.

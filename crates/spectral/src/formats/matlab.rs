@@ -1,8 +1,9 @@
 //! Eigenbases as MAT files of level 5, which MATLAB, Octave and SciPy open.
 //!
-//! Variables: `eigenvalues`, `residuals`, `bounds` (m × 1), `functions` (n × m), `mass` (n × 1, or sparse n × n), `vertices` (n × 3), `faces` (f × 3,
-//! counted from 1), and the numbering of the file: `vertex_map` (for each vertex of the file the row of `functions`, counted from 1, or 0 where it
-//! was dropped) and `face_map` (for each row of `faces` the face of the file, counted from 1). All numbers are double.
+//! Variables: `eigenvalues`, `residuals`, `bounds` (m × 1), `functions` (n × m), `mass` (n × 1, or sparse n × n),
+//! `vertices` (n × 3), `faces` (f × 3, counted from 1), and the numbering of the file: `vertex_map` (for each vertex of
+//! the file the row of `functions`, counted from 1, or 0 where it was dropped) and `face_map` (for each row of `faces`
+//! the face of the file, counted from 1). All numbers are double.
 
 use std::io::Write;
 
@@ -28,11 +29,12 @@ const MOST_BYTES: u64 = i32::MAX as u64;
 /// Columns that are lifted at once.
 const PANEL: usize = 16;
 
-/// Writes an eigenbasis with its mesh. Of a solid, `functions` has the rows of its inner vertices behind those of `vertices`.
+/// Writes an eigenbasis with its mesh. Of a solid, `functions` has the rows of its inner vertices behind those of
+/// `vertices`.
 ///
 /// # Errors
-/// [`FormatError::TooLarge`] where a variable has 2 GiB or more, which this format cannot hold; [`FormatError::Write`] where the destination fails,
-/// [`FormatError::Functions`] where columns cannot be read.
+/// [`FormatError::TooLarge`] where a variable has 2 GiB or more, which this format cannot hold; [`FormatError::Write`]
+/// where the destination fails, [`FormatError::Functions`] where columns cannot be read.
 pub fn write<W: Write>(
     basis: &Basis,
     mesh: &TriangleMesh,

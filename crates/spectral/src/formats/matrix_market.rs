@@ -29,10 +29,10 @@ fn array(rows: usize, columns: usize, values: &[f64], out: &mut impl Write) -> s
     Ok(())
 }
 
-/// Writes a basis as a ZIP archive of MatrixMarket files, to where nothing can be changed afterwards: `space.mtx` (`n × d`,
-/// coordinate) and `coefficients.mtx` (`d × m`, array) of a compact basis, `functions.mtx` (`n × m`, array) of a dense one;
-/// `eigenvalues.mtx`, `residuals.mtx`, `bounds.mtx` (`m × 1`), `mass.mtx` (`n × n`, coordinate) and `metadata.json`. Numbers are the
-/// shortest decimals that read back to the same bits.
+/// Writes a basis as a ZIP archive of MatrixMarket files, to where nothing can be changed afterwards: `space.mtx`
+/// (`n × d`, coordinate) and `coefficients.mtx` (`d × m`, array) of a compact basis, `functions.mtx` (`n × m`, array)
+/// of a dense one; `eigenvalues.mtx`, `residuals.mtx`, `bounds.mtx` (`m × 1`), `mass.mtx` (`n × n`, coordinate) and
+/// `metadata.json`. Numbers are the shortest decimals that read back to the same bits.
 ///
 /// # Errors
 /// [`FormatError`] where the archive cannot be written, or columns of a dense basis cannot be read.

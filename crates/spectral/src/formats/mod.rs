@@ -1,4 +1,5 @@
-//! Products as files: NPZ, which the store keeps, safetensors and Matrix Market; eigenbases for MATLAB, viewers and tables.
+//! Products as files: NPZ, which the store keeps, safetensors and Matrix Market; eigenbases for MATLAB, viewers and
+//! tables.
 
 pub mod matlab;
 pub mod matrix;

@@ -5,10 +5,10 @@ use chladni_algebra::{MassMatrix, WeightedMass};
 use super::npz::FormatError;
 use crate::basis::{Basis, Compact, Functions, Precision};
 
-/// A basis as the bytes of a safetensors file: `space.data`, `space.indices`, `space.indptr` (CSR, `n × d`) and `coefficients`
-/// (`d × m`, rows first) of a compact basis, `functions` (`m × n`, an eigenfunction a row) of a dense one; `eigenvalues`, `residuals`,
-/// `bounds` and `mass` or `mass.data`, `mass.indices`, `mass.indptr`. The entry `chladni` of the file's metadata is a JSON text with
-/// the shape of `U`, the certificate and how the basis was made.
+/// A basis as the bytes of a safetensors file: `space.data`, `space.indices`, `space.indptr` (CSR, `n × d`) and
+/// `coefficients` (`d × m`, rows first) of a compact basis, `functions` (`m × n`, an eigenfunction a row) of a dense
+/// one; `eigenvalues`, `residuals`, `bounds` and `mass` or `mass.data`, `mass.indices`, `mass.indptr`. The entry
+/// `chladni` of the file's metadata is a JSON text with the shape of `U`, the certificate and how the basis was made.
 ///
 /// # Errors
 /// [`FormatError::Functions`] where columns cannot be read.
@@ -26,8 +26,8 @@ pub fn to_bytes(basis: &Basis) -> Result<Vec<u8>, FormatError> {
     }
 }
 
-/// Everything of the safetensors file of a dense basis that comes before its eigenfunctions, which are last: their bytes, one after
-/// the other, complete the file.
+/// Everything of the safetensors file of a dense basis that comes before its eigenfunctions, which are last: their
+/// bytes, one after the other, complete the file.
 ///
 /// # Errors
 /// [`FormatError::TooLarge`] where the basis is compact: it has no such head.
@@ -80,7 +80,8 @@ impl Dtype {
 /// A tensor: its name, type, shape and bytes, rows first.
 type Tensor<'a> = (&'static str, Dtype, Vec<usize>, &'a [u8]);
 
-/// A file in the making: the length of the header in eight bytes, a JSON object that says where each tensor lies, the tensors.
+/// A file in the making: the length of the header in eight bytes, a JSON object that says where each tensor lies, the
+/// tensors.
 struct File {
     header: serde_json::Map<String, serde_json::Value>,
     data: Vec<u8>,

@@ -18,8 +18,8 @@ fn fits(basis: &Basis, mesh: &TriangleMesh) -> Result<(), FormatError> {
     Err(FormatError::Member { member: "functions".to_owned(), reason })
 }
 
-/// Writes the surface, of a solid too, as VTK PolyData: points in double precision, one array `mode_k` in single precision for each eigenfunction,
-/// and the field `eigenvalues`. Columns are lifted one by one.
+/// Writes the surface, of a solid too, as VTK PolyData: points in double precision, one array `mode_k` in single
+/// precision for each eigenfunction, and the field `eigenvalues`. Columns are lifted one by one.
 ///
 /// # Errors
 /// [`FormatError::Member`] where the functions are not on the vertices, else as [`npz::write`](super::npz::write()).
@@ -66,8 +66,8 @@ pub fn write_vtp<W: Write>(basis: &Basis, mesh: &TriangleMesh, mut out: W) -> Re
     Ok(out.flush()?)
 }
 
-/// Writes the surface as little-endian PLY, with a property `mode_k` in single precision for each eigenfunction, and the eigenvalues as comments. All
-/// functions are in memory at once, in single precision.
+/// Writes the surface as little-endian PLY, with a property `mode_k` in single precision for each eigenfunction, and
+/// the eigenvalues as comments. All functions are in memory at once, in single precision.
 ///
 /// # Errors
 /// As [`write_vtp`].
@@ -97,9 +97,9 @@ pub fn write_ply<W: Write>(basis: &Basis, mesh: &TriangleMesh, mut out: W) -> Re
     Ok(out.flush()?)
 }
 
-/// Writes the eigenfunctions as a table with a row for each vertex, as the translation numbers them: `vertex, mode_0, …`. The first row after the
-/// header, whose vertex is the word `eigenvalue`, has the eigenvalues; where a vertex has no value, nothing stands. All functions are in memory at
-/// once.
+/// Writes the eigenfunctions as a table with a row for each vertex, as the translation numbers them:
+/// `vertex, mode_0, …`. The first row after the header, whose vertex is the word `eigenvalue`, has the eigenvalues;
+/// where a vertex has no value, nothing stands. All functions are in memory at once.
 ///
 /// # Errors
 /// As [`write_vtp`], but for any functions.

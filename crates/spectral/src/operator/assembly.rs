@@ -1,4 +1,5 @@
-//! Making the operator that was chosen: the Laplacian first, then what is made of it, then what is held at the boundary.
+//! Making the operator that was chosen: the Laplacian first, then what is made of it, then what is held at the
+//! boundary.
 
 use std::borrow::Cow;
 
@@ -106,7 +107,8 @@ pub(super) fn check(parameters: &OperatorParameters, mesh: &TriangleMesh) -> Res
     Err(OperatorError::Parameter { name: "operator", reason: reason.to_owned() })
 }
 
-/// The vertices whose values are held at zero, ascending: those of the boundary that are, and what the parts of an operator fix.
+/// The vertices whose values are held at zero, ascending: those of the boundary that are, and what the parts of an
+/// operator fix.
 fn held(parameters: &OperatorParameters, boundary: &[u32]) -> Vec<u32> {
     let mut held = boundary.to_vec();
     if let OperatorKind::Weighted(parts) = &parameters.operator {
@@ -241,7 +243,8 @@ pub(super) fn refined(wanted: &OperatorKind, mesh: &TriangleMesh) -> Result<Opti
 /// From this many faces in a thousand on, thin ones call for the robust Laplacian.
 const THIN_PER_MILLE: usize = 1;
 
-/// Which Laplacian to take on local triangulations: cotangents, unless the robust one is asked for or some triangles are thin.
+/// Which Laplacian to take on local triangulations: cotangents, unless the robust one is asked for or some triangles
+/// are thin.
 fn choose_local(wanted: &OperatorKind, mesh: &TriangleMesh, measured: &Measured) -> (Laplacian, Reason) {
     if *wanted == OperatorKind::Robust {
         return (Laplacian::Robust, Reason::Requested);

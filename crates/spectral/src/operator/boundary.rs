@@ -2,8 +2,8 @@
 
 use super::{EigenProblem, OperatorError};
 
-/// The problem without the rows and columns of `removed` vertices, given in any order. Its size is unchanged, and its mass no longer
-/// sums to 1.
+/// The problem without the rows and columns of `removed` vertices, given in any order. Its size is unchanged, and its
+/// mass no longer sums to 1.
 ///
 /// # Errors
 /// [`OperatorError::NoUnknowns`] where no vertex is left.

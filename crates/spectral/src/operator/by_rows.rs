@@ -1,7 +1,8 @@
 //! The Laplacian by cotangents without its matrix: rows are made where they are asked for, and let go of.
 //!
-//! The matrix of a surface of millions of vertices, and what it is assembled from, take several times what the surface itself does. Whoever works on one
-//! part of the surface after the other needs no more of it than the rows of that part. They are those of [`assemble`](super::assemble()) to the last bit.
+//! The matrix of a surface of millions of vertices, and what it is assembled from, take several times what the surface
+//! itself does. Whoever works on one part of the surface after the other needs no more of it than the rows of that
+//! part. They are those of [`assemble`](super::assemble()) to the last bit.
 
 use chladni_base::parallel::*;
 
@@ -30,8 +31,9 @@ pub struct LaplacianByRows<'a> {
 }
 
 impl<'a> LaplacianByRows<'a> {
-    /// What [`assemble`](super::assemble()) would make of the mesh, where that is the Laplacian by cotangents of its triangles with a lumped mass and
-    /// no vertex held; `None` where it is something else. Announces the stage `operator`.
+    /// What [`assemble`](super::assemble()) would make of the mesh, where that is the Laplacian by cotangents of its
+    /// triangles with a lumped mass and no vertex held; `None` where it is something else. Announces the stage
+    /// `operator`.
     ///
     /// # Errors
     /// [`OperatorError`], as of [`assemble`](super::assemble()).
@@ -125,7 +127,8 @@ impl<'a> LaplacianByRows<'a> {
         shapes::assemble(&triangles, &corners, self.scaled_area, MassKind::Barycentric).stiffness
     }
 
-    /// The eigenproblem with some rows of the stiffness, ascending; all other rows of it are empty, and have no mass where `with_their_masses`.
+    /// The eigenproblem with some rows of the stiffness, ascending; all other rows of it are empty, and have no mass
+    /// where `with_their_masses`.
     pub fn problem_with(&self, rows: &[u32], with_their_masses: bool) -> EigenProblem {
         let masses = match with_their_masses {
             true => {

@@ -12,19 +12,19 @@ use super::points::{assemble_local, local_triangles};
 use super::weighted::Parts;
 use super::{EigenProblem, MassKind, OperatorError, boundary};
 
-/// Which operator is wanted. In JSON: `"auto"`, `"laplace"`, `"polygon"`, `"robust"`, `"volume"`, `"graph"`, `"hodge"`, `{"extrinsic": {"t": 0.5}}`,
-/// `{"hamiltonian": {"potential": {"curvature": {"t": 0.1}}}}`, `{"hamiltonian": {"potential": {"values": [0.0, …]}}}`,
-/// `{"weighted": {"scalars": [1.0, …], "fixed": [0, …]}}`.
+/// Which operator is wanted. In JSON: `"auto"`, `"laplace"`, `"polygon"`, `"robust"`, `"volume"`, `"graph"`, `"hodge"`,
+/// `{"extrinsic": {"t": 0.5}}`, `{"hamiltonian": {"potential": {"curvature": {"t": 0.1}}}}`,
+/// `{"hamiltonian": {"potential": {"values": [0.0, …]}}}`, `{"weighted": {"scalars": [1.0, …], "fixed": [0, …]}}`.
 ///
-/// [`assemble`], which has a surface alone, refuses `volume` and `hodge`, which acts on no functions: see [`super::volume`], [`super::hodge`] and,
-/// for `graph`, [`super::graph`].
+/// [`assemble`], which has a surface alone, refuses `volume` and `hodge`, which acts on no functions: see
+/// [`super::volume`], [`super::hodge`] and, for `graph`, [`super::graph`].
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[cfg_attr(feature = "schema", schema(description = "Which operator is wanted."))]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum OperatorKind {
-    /// Laplace–Beltrami: by cotangents, or of the polygons where the file has any of more than three corners, where the mesh is manifold, next to
-    /// none of its triangles thin and none a needle; the robust one otherwise.
+    /// Laplace–Beltrami: by cotangents, or of the polygons where the file has any of more than three corners, where the
+    /// mesh is manifold, next to none of its triangles thin and none a needle; the robust one otherwise.
     #[default]
     Auto,
     /// Laplace–Beltrami by the cotangents of the triangles as they are.
@@ -50,7 +50,8 @@ pub enum OperatorKind {
     Graph,
     /// The Hodge–Laplacian of tangential fields, two numbers for each face.
     Hodge,
-    /// Laplace–Beltrami by cotangents in parts: with weights of the faces, numbers or tensors, and vertices that are held at zero.
+    /// Laplace–Beltrami by cotangents in parts: with weights of the faces, numbers or tensors, and vertices that are
+    /// held at zero.
     Weighted(Parts),
 }
 
@@ -190,7 +191,8 @@ pub enum Reason {
     ThinFaces,
     /// The mesh has only points: the triangles are those of local Delaunay triangulations, and fair.
     Points,
-    /// Some face is so thin that by cotangents it would spoil the result by itself: its longest edge is over a million times its height.
+    /// Some face is so thin that by cotangents it would spoil the result by itself: its longest edge is over a million
+    /// times its height.
     Needle,
 }
 
@@ -212,11 +214,13 @@ pub struct OperatorReport {
     pub zero_area_faces: usize,
     /// Vertices on which nothing acts; their mass is negligible.
     pub massless_vertices: usize,
-    /// What was added to the length of each edge before anything else, as a share of the mean length; 0 without the robust Laplacian.
+    /// What was added to the length of each edge before anything else, as a share of the mean length; 0 without the
+    /// robust Laplacian.
     pub mollification: f64,
     /// Edges that were flipped on the tufted cover.
     pub flips: usize,
-    /// Whether the flips came to an end, so that no weight of the stiffness is negative. Without the robust Laplacian nobody asked.
+    /// Whether the flips came to an end, so that no weight of the stiffness is negative. Without the robust Laplacian
+    /// nobody asked.
     pub delaunay: bool,
     /// Vertices that are no unknowns.
     pub removed_vertices: usize,
@@ -239,7 +243,8 @@ pub struct MeshOperator {
     pub problem: EigenProblem,
     /// The Laplacian with all vertices as unknowns; `None` where `problem` is that.
     pub(super) base: Option<EigenProblem>,
-    /// A lower bound on the eigenvalues of the problem, on unit area: the least value of a potential that is negative somewhere, else 0.
+    /// A lower bound on the eigenvalues of the problem, on unit area: the least value of a potential that is negative
+    /// somewhere, else 0.
     pub floor: f64,
     /// What was chosen, and why.
     pub report: OperatorReport,
@@ -268,8 +273,8 @@ impl MeshOperator {
         Ok(Self { problem, base: Some(whole), floor: 0.0, report })
     }
 
-    /// The operator of a solid, brought to unit volume: `area` is the square of the length that is 1 there, so that eigenvalues of the problem over it are those of the input, as on
-    /// surfaces.
+    /// The operator of a solid, brought to unit volume: `area` is the square of the length that is 1 there, so that
+    /// eigenvalues of the problem over it are those of the input, as on surfaces.
     pub(crate) fn on_unit_volume(&self) -> Self {
         let length = self.laplacian().area.cbrt();
         let scaled = |problem: &EigenProblem| EigenProblem {
@@ -316,8 +321,8 @@ impl MeshOperator {
     }
 }
 
-/// Makes the operator that is asked for; that of points without faces by [`assemble_local`](super::points::assemble_local). Announces the stage
-/// `operator`.
+/// Makes the operator that is asked for; that of points without faces by
+/// [`assemble_local`](super::points::assemble_local). Announces the stage `operator`.
 ///
 /// # Errors
 /// [`OperatorError`]: parameters out of range, a mesh without area or unknowns, an operator that needs faces where there are none, cancellation.

@@ -40,8 +40,8 @@ impl Corners {
         Ok(Self { offsets, corners })
     }
 
-    /// The corners of `faces` that lie on some vertices alone, of which there are `count`: `place` tells which of them a vertex is. There are fewer
-    /// faces than [`new`](Self::new) takes, and their corners are in range.
+    /// The corners of `faces` that lie on some vertices alone, of which there are `count`: `place` tells which of them
+    /// a vertex is. There are fewer faces than [`new`](Self::new) takes, and their corners are in range.
     pub fn on_some(place: impl Fn(u32) -> Option<u32>, count: usize, faces: &[[u32; 3]]) -> Self {
         let mut offsets = vec![0u32; count + 2];
         let placed = || faces.as_flattened().iter().zip(0u32..).filter_map(|(&v, corner)| Some((place(v)?, corner)));

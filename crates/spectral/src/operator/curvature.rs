@@ -1,9 +1,10 @@
 //! Normals, shape operators and principal curvatures.
 //!
 //! The shape operator of a face comes from the normals at the middle of its edges (Grinspun et al. 2006):
-//! `T = Σ_k (q_i + q_j − q_k) / (8A²) t_k t_kᵀ` with `q_k = 2 (n_i − n_j) · e_k`, `t_k = e_k × n`, and `n_k` the unit sum of the normals of
-//! the two faces at edge `k`; an edge that has not two faces takes the normal of its own. That of a vertex is the mean over its faces,
-//! weighted by area, each turned into the plane of the vertex. A sphere with outward normals has positive curvatures.
+//! `T = Σ_k (q_i + q_j − q_k) / (8A²) t_k t_kᵀ` with `q_k = 2 (n_i − n_j) · e_k`, `t_k = e_k × n`, and `n_k` the unit
+//! sum of the normals of the two faces at edge `k`; an edge that has not two faces takes the normal of its own. That of
+//! a vertex is the mean over its faces, weighted by area, each turned into the plane of the vertex. A sphere with
+//! outward normals has positive curvatures.
 
 use chladni_base::parallel::*;
 use chladni_mesh::TriangleMesh;
@@ -43,8 +44,8 @@ pub fn curvatures(mesh: &TriangleMesh) -> Result<Curvatures, OperatorError> {
     Ok(Surface::new(mesh, &measured).curvatures(&measured.corners))
 }
 
-/// Unit normals of the vertices: those of the faces around each, added up by area. Where these cancel each other, the normal of
-/// the largest face; `[0, 0, 1]` where no face has an area.
+/// Unit normals of the vertices: those of the faces around each, added up by area. Where these cancel each other, the
+/// normal of the largest face; `[0, 0, 1]` where no face has an area.
 ///
 /// # Errors
 /// As [`curvatures`].
@@ -218,7 +219,8 @@ impl<'a> Surface<'a> {
     }
 }
 
-/// A vector of the plane with normal `from`, turned with it into `to` by the shortest rotation; the two are not opposite.
+/// A vector of the plane with normal `from`, turned with it into `to` by the shortest rotation; the two are not
+/// opposite.
 fn turned(vector: Vector, from: Vector, to: Vector) -> Vector {
     let axis = cross(from, to);
     let cosine = dot(from, to);

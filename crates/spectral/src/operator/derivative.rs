@@ -1,7 +1,8 @@
 //! What quadratic forms of stiffness and mass gain when vertices move.
 //!
-//! On an element of volume `V` (of a triangle its area) with the gradients `h_i` of its hat functions, `S_ij = V h_i · h_j` and `M_ij = V q_ij` with
-//! constants `q`. Moving a vertex by `v` deforms the element by `∇v = v ⊗ h_i`, and with `K = Σ w x xᵀ` on its corners
+//! On an element of volume `V` (of a triangle its area) with the gradients `h_i` of its hat functions,
+//! `S_ij = V h_i · h_j` and `M_ij = V q_ij` with constants `q`. Moving a vertex by `v` deforms the element by
+//! `∇v = v ⊗ h_i`, and with `K = Σ w x xᵀ` on its corners
 //!
 //! `∂⟨K, S⟩ / ∂p_i = V (tr T h_i − 2 T h_i)`, `T = Σ_ij K_ij h_i ⊗ h_j`, and `∂⟨N, M⟩ / ∂p_i = V ⟨N, q⟩ h_i`.
 //!
@@ -55,9 +56,9 @@ impl<T: bytemuck::Pod + Default + Into<f64> + Send + Sync> Number for T {}
 /// Functions that are added side by side, so that they fit vectors.
 const LANES: usize = 8;
 
-/// `Σ_k stiffness_k x_kᵀ S x_k + mass_k x_kᵀ M x_k` of functions that stay as they are, as far as its gradient by the positions of vertices needs it:
-/// a few sums for each element and one for each vertex, to which functions are added some at a time. Masses are consistent, or lumped with equal
-/// shares of each element.
+/// `Σ_k stiffness_k x_kᵀ S x_k + mass_k x_kᵀ M x_k` of functions that stay as they are, as far as its gradient by the
+/// positions of vertices needs it: a few sums for each element and one for each vertex, to which functions are added
+/// some at a time. Masses are consistent, or lumped with equal shares of each element.
 pub(crate) struct FormSums<'a>(Kind<'a>);
 
 enum Kind<'a> {
@@ -99,7 +100,8 @@ impl<'a> FormSums<'a> {
 /// The sums of elements with `C` corners, and `P` pairs of edges that begin at their first.
 struct Sums<'a, const C: usize, const P: usize> {
     elements: &'a [[u32; C]],
-    /// `Σ_k stiffness_k d_ik d_jk` for `1 ≤ i ≤ j < C`, where `d_i = x_i − x_0`: as the gradients of hat functions add up to zero, `T` needs no more.
+    /// `Σ_k stiffness_k d_ik d_jk` for `1 ≤ i ≤ j < C`, where `d_i = x_i − x_0`: as the gradients of hat functions add
+    /// up to zero, `T` needs no more.
     edges: Vec<[f64; P]>,
     /// `Σ_k mass_k (Σ_i x_ik)²`; only of a consistent mass.
     totals: Vec<f64>,
@@ -109,7 +111,8 @@ struct Sums<'a, const C: usize, const P: usize> {
     rows: Vec<f64>,
 }
 
-/// The volume of an element and the gradients of its hat functions; `None` where it has no volume, and no part in the operator.
+/// The volume of an element and the gradients of its hat functions; `None` where it has no volume, and no part in the
+/// operator.
 type Hats<const C: usize> = Option<(f64, [[f64; 3]; C])>;
 
 impl<'a, const C: usize, const P: usize> Sums<'a, C, P> {

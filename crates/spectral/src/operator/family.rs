@@ -1,5 +1,5 @@
-//! The members of a family of operators: the Laplacian `S`, its extrinsic kin `A` and the curvature potential `V` (thesis, eq. 2.13 and appendix
-//! 4.C). Every operator `(1 − t) S + t A + v V` is one of them.
+//! The members of a family of operators: the Laplacian `S`, its extrinsic kin `A` and the curvature potential `V`
+//! (thesis, eq. 2.13 and appendix 4.C). Every operator `(1 − t) S + t A + v V` is one of them.
 
 use chladni_algebra::SparseMatrix;
 use chladni_base::Monitor;

@@ -1,7 +1,7 @@
 //! A frame in every face, and what it takes to compare numbers of neighbouring faces.
 //!
-//! The frame of a face: `x` its normalised first edge, from corner 0 to corner 1, and `y = n × x` (thesis, appendix 3.A). `J` turns by
-//! +90° in it. A vector field is two numbers per face, a symmetric tensor field three.
+//! The frame of a face: `x` its normalised first edge, from corner 0 to corner 1, and `y = n × x` (thesis, appendix
+//! 3.A). `J` turns by +90° in it. A vector field is two numbers per face, a symmetric tensor field three.
 
 use chladni_base::parallel::*;
 use chladni_mesh::TriangleMesh;
@@ -47,7 +47,8 @@ pub fn power(a: Planar, n: u32) -> Planar {
     result
 }
 
-/// What carries numbers from one face into another one: `z ↦ by · z`, and between faces of opposite orientation `z ↦ by · z̄`.
+/// What carries numbers from one face into another one: `z ↦ by · z`, and between faces of opposite orientation
+/// `z ↦ by · z̄`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Turn {
     /// A unit number.
@@ -83,7 +84,8 @@ impl Turn {
         Self { by: power(self.by, n), ..self }
     }
 
-    /// The mean of several with weights; those of the orientation that has less weight do not count, since there is nothing between the two.
+    /// The mean of several with weights; those of the orientation that has less weight do not count, since there is
+    /// nothing between the two.
     pub fn mean(all: impl IntoIterator<Item = (f64, Self)>) -> Self {
         let (mut sums, mut weights) = ([[0.0; 2]; 2], [0.0; 2]);
         for (weight, Self { by, mirrored }) in all {
@@ -110,10 +112,12 @@ pub struct FaceFrames {
 impl FaceFrames {
     /// Frames of a mesh whose faces refer to vertices that are there.
     ///
-    /// A face without area takes the frame of its longest edge and any normal; its area counts as a billionth of the mean.
+    /// A face without area takes the frame of its longest edge and any normal; its area counts as a billionth of the
+    /// mean.
     ///
     /// # Errors
-    /// [`OperatorError`] names a corner out of range or a coordinate that is not finite, or says that the mesh has no area.
+    /// [`OperatorError`] names a corner out of range or a coordinate that is not finite, or says that the mesh has no
+    /// area.
     pub fn new(mesh: &TriangleMesh) -> Result<Self, OperatorError> {
         let n = mesh.positions.len();
         for (face, corners) in mesh.faces.iter().enumerate() {
@@ -189,8 +193,8 @@ impl FaceFrames {
         self.edges[face]
     }
 
-    /// What carries vectors of the neighbour across edge `k` into the frame of `face`: both see the shared edge, in opposite directions, or in the
-    /// same one where their orientations are opposite. `None` at a boundary.
+    /// What carries vectors of the neighbour across edge `k` into the frame of `face`: both see the shared edge, in
+    /// opposite directions, or in the same one where their orientations are opposite. `None` at a boundary.
     pub fn carry(&self, dual: &DualGraph, face: usize, k: usize) -> Option<Turn> {
         let neighbour = dual.neighbours(face)[k];
         if neighbour == NO_FACE {
@@ -214,8 +218,8 @@ impl FaceFrames {
         [dot(v, self.x[face]), dot(v, self.y[face])]
     }
 
-    /// The same frames, each turned by its own angle, given as unit numbers: what was `v` in the old frame is `v / turn` in the new
-    /// one. Nothing that matters may depend on the choice of frames.
+    /// The same frames, each turned by its own angle, given as unit numbers: what was `v` in the old frame is
+    /// `v / turn` in the new one. Nothing that matters may depend on the choice of frames.
     ///
     /// # Panics
     /// Unless there is a turn for each face.

@@ -65,7 +65,8 @@ pub(super) fn add_potential(
                 let sum = v[0] + v[1] + v[2];
                 for i in 0..3 {
                     for j in 0..3 {
-                        // ∫ φ_i² φ_k is A/10 for k = i and A/30 otherwise; ∫ φ_i φ_j φ_k is A/30 for k = i or j and A/60 otherwise.
+                        // ∫ φ_i² φ_k is A/10 for k = i and A/30 otherwise; ∫ φ_i φ_j φ_k is A/30 for k = i or j and
+                        // A/60 otherwise.
                         let weight = if i == j { 2.0 * sum + 4.0 * v[i] } else { sum + (v[i] + v[j]) };
                         if let Some(at) = place(face[i], face[j]) {
                             values[at] += unit * weight;

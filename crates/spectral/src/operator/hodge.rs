@@ -1,12 +1,14 @@
-//! The Hodge–Laplacian of tangential vector fields (Brandt et al. 2017; thesis, eq. 3.1) and its parts: gradients, divergence, curl.
+//! The Hodge–Laplacian of tangential vector fields (Brandt et al. 2017; thesis, eq. 3.1) and its parts: gradients,
+//! divergence, curl.
 //!
-//! Card. `S = M_F (G M_V⁻¹ Gᵀ − J G* M_E⁻¹ G*ᵀ J) M_F`: a divergence that is tested with hat functions and a curl that is tested with
-//! Crouzeix–Raviart functions, which is what makes gradients `G u` and co-gradients `J G* v` orthogonal and the kernel of a closed surface
-//! of genus `g` exactly `2g`-dimensional. Symmetric positive semi-definite; mass = face area; eigenvalues in 1/length². With both parts
-//! non-conforming it would be the connection Laplacian of [`super::transport`].
+//! Card. `S = M_F (G M_V⁻¹ Gᵀ − J G* M_E⁻¹ G*ᵀ J) M_F`: a divergence that is tested with hat functions and a curl that
+//! is tested with Crouzeix–Raviart functions, which is what makes gradients `G u` and co-gradients `J G* v` orthogonal
+//! and the kernel of a closed surface of genus `g` exactly `2g`-dimensional. Symmetric positive semi-definite; mass =
+//! face area; eigenvalues in 1/length². With both parts non-conforming it would be the connection Laplacian of
+//! [`super::transport`].
 //!
-//! At a boundary one of the two parts has to leave out its boundary functions, or the fields of the two decompose no longer. [`FieldBoundary`] says
-//! which.
+//! At a boundary one of the two parts has to leave out its boundary functions, or the fields of the two decompose no
+//! longer. [`FieldBoundary`] says which.
 
 use chladni_algebra::{Block, BlockMatrix, MassMatrix, SparseMatrix};
 use chladni_base::parallel::*;
@@ -21,14 +23,14 @@ use super::frames::FaceFrames;
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum FieldBoundary {
-    /// They run along it: hat functions of boundary vertices test the divergence, boundary edges do not test the curl. Spectrum: Neumann for the
-    /// gradients, Dirichlet for the co-gradients.
+    /// They run along it: hat functions of boundary vertices test the divergence, boundary edges do not test the curl.
+    /// Spectrum: Neumann for the gradients, Dirichlet for the co-gradients.
     #[default]
     Tangential,
     /// They run across it: the other way round.
     Normal,
-    /// They vanish there: both tests see the boundary (the formula of the thesis taken by the letter). Gradients and co-gradients are then no longer
-    /// orthogonal.
+    /// They vanish there: both tests see the boundary (the formula of the thesis taken by the letter). Gradients and
+    /// co-gradients are then no longer orthogonal.
     Clamped,
 }
 
@@ -47,7 +49,8 @@ pub fn quarter_turn(field: &[f64]) -> Vec<f64> {
     field.chunks_exact(2).flat_map(|v| [-v[1], v[0]]).collect()
 }
 
-/// The gradient of hat functions, `2F × V`: on a face, `∇λ_k = J e_k / (2A)` with `e_k` the edge opposite to corner `k`. Unit area.
+/// The gradient of hat functions, `2F × V`: on a face, `∇λ_k = J e_k / (2A)` with `e_k` the edge opposite to corner
+/// `k`. Unit area.
 pub fn gradient(mesh: &TriangleMesh, frames: &FaceFrames) -> SparseMatrix {
     let columns = |face: usize| mesh.faces[face];
     face_gradients(mesh.positions.len(), frames, 0.5, columns)
@@ -139,14 +142,16 @@ pub struct ScalarProblem {
     pub places: TriangleMesh,
     /// Their eigenproblem on unit area, lumped masses.
     pub problem: EigenProblem,
-    /// The row of each function; beyond all rows where it has none: where it vanishes at the boundary, or no face has it.
+    /// The row of each function; beyond all rows where it has none: where it vanishes at the boundary, or no face has
+    /// it.
     pub rows: Vec<u32>,
     /// How many eigenvalues are zero: the functions that are constant on a component.
     pub kernel: usize,
 }
 
-/// The eigenproblem of hat functions whose eigenfunctions have the gradients of the Hodge spectrum: cotangents, a function for each vertex. Those of
-/// boundary vertices are unknowns where fields run along the boundary, and are none where they run across it.
+/// The eigenproblem of hat functions whose eigenfunctions have the gradients of the Hodge spectrum: cotangents, a
+/// function for each vertex. Those of boundary vertices are unknowns where fields run along the boundary, and are none
+/// where they run across it.
 pub fn conforming_problem(
     mesh: &TriangleMesh,
     dual: &DualGraph,
@@ -161,8 +166,9 @@ pub fn conforming_problem(
     scalar_problem(mesh, (dual, frames), (&mesh.positions, masses), &held, 0.25, |f| mesh.faces[f])
 }
 
-/// The eigenproblem of Crouzeix–Raviart functions whose eigenfunctions have the co-gradients of the Hodge spectrum: a function for each edge, in its
-/// middle. Those of boundary edges are unknowns where fields run across the boundary, and are none where they run along it.
+/// The eigenproblem of Crouzeix–Raviart functions whose eigenfunctions have the co-gradients of the Hodge spectrum: a
+/// function for each edge, in its middle. Those of boundary edges are unknowns where fields run across the boundary,
+/// and are none where they run along it.
 pub fn nonconforming_problem(
     mesh: &TriangleMesh,
     dual: &DualGraph,
@@ -257,7 +263,8 @@ fn boundary_of(mesh: &TriangleMesh, dual: &DualGraph) -> (Vec<bool>, Vec<bool>) 
     (vertices, edges)
 }
 
-/// The eigenproblem of the Hodge–Laplacian on unit area: two rows for each face, in its frame, with the area of the face as the mass of both.
+/// The eigenproblem of the Hodge–Laplacian on unit area: two rows for each face, in its frame, with the area of the
+/// face as the mass of both.
 pub fn hodge_problem(
     mesh: &TriangleMesh,
     dual: &DualGraph,

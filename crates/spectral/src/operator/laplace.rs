@@ -21,8 +21,8 @@ use chladni_mesh::intrinsic::TriangleShape;
 /// A face is thin when the cotangent of one of its angles is larger than this: 0.06 degrees, or 179.94.
 pub(super) const THIN: f64 = 1e3;
 
-/// A face is a needle when its longest edge is so many times its height: by cotangents, its weights are then so large that what rounding leaves of
-/// their sums is felt by the lowest eigenpairs, even if there is only one such face.
+/// A face is a needle when its longest edge is so many times its height: by cotangents, its weights are then so large
+/// that what rounding leaves of their sums is felt by the lowest eigenpairs, even if there is only one such face.
 pub(super) const NEEDLE: f64 = 1e6;
 
 /// What assembly came across.
@@ -36,8 +36,8 @@ pub struct AssemblyReport {
 
 /// Assembles stiffness and mass on the mesh scaled to unit area.
 ///
-/// Cotangents come from dot and cross products; no angle is formed. The result does not depend on the number of threads, and `S` is
-/// symmetric to the last bit.
+/// Cotangents come from dot and cross products; no angle is formed. The result does not depend on the number of
+/// threads, and `S` is symmetric to the last bit.
 ///
 /// # Errors
 /// [`OperatorError`] names a corner out of range or a coordinate that is not finite, or says that the mesh has no area.
@@ -89,8 +89,8 @@ pub(super) fn measure(mesh: &TriangleMesh) -> Result<Measured, OperatorError> {
     Ok(Measured { scale, corners, shapes, area, zero_area_faces, thin_faces, needles })
 }
 
-/// The problem that follows from the cotangents of the faces as they are, which cover the surface `covers` times, and the number of vertices without
-/// mass.
+/// The problem that follows from the cotangents of the faces as they are, which cover the surface `covers` times, and
+/// the number of vertices without mass.
 pub(super) fn cotangent(
     mesh: &TriangleMesh,
     measured: &Measured,
@@ -110,7 +110,8 @@ pub(super) fn cotangent(
     (problem, assembled.massless_vertices)
 }
 
-/// The power of two that brings the largest extent of the bounding box near 1, so that products neither overflow nor underflow.
+/// The power of two that brings the largest extent of the bounding box near 1, so that products neither overflow nor
+/// underflow.
 pub(crate) fn power_of_two_scale(positions: &[[f64; 3]]) -> Result<f64, OperatorError> {
     let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     let mut finite = true;

@@ -52,7 +52,8 @@ fn others(faces: &[[u32; 3]], corner: u32) -> (u32, u32) {
     (face[(k + 1) % 3], face[(k + 2) % 3])
 }
 
-/// Whether the faces form one closed fan, all of one orientation: so it is at nearly every vertex, and that is soon seen.
+/// Whether the faces form one closed fan, all of one orientation: so it is at nearly every vertex, and that is soon
+/// seen.
 fn is_closed_fan(faces: &[[u32; 3]], around: &[u32]) -> bool {
     const LONGEST: usize = 12;
     if around.is_empty() || around.len() > LONGEST {

@@ -1,5 +1,5 @@
-//! Operators on a mesh: one public operator per file. Solvers take an [`EigenProblem`]; [`assemble`] makes the one that a client
-//! describes by [`OperatorParameters`].
+//! Operators on a mesh: one public operator per file. Solvers take an [`EigenProblem`]; [`assemble`] makes the one that
+//! a client describes by [`OperatorParameters`].
 
 mod assembly;
 pub(crate) mod boundary;
@@ -125,17 +125,17 @@ pub enum MassKind {
 
 /// The generalised eigenproblem `S x = λ M x` on the mesh scaled to unit area.
 ///
-/// `S` is `n × n`, symmetric, both triangles stored, and positive semi-definite but for potentials with negative values. Eigenvalues
-/// in the units of the input are those of this problem divided by `area`; eigenvectors that are orthonormal for the mass of the input
-/// are these divided by `√area`.
+/// `S` is `n × n`, symmetric, both triangles stored, and positive semi-definite but for potentials with negative
+/// values. Eigenvalues in the units of the input are those of this problem divided by `area`; eigenvectors that are
+/// orthonormal for the mass of the input are these divided by `√area`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EigenProblem {
     /// The stiffness matrix; in two dimensions it does not depend on scale, and others have that of the input.
     pub stiffness: SparseMatrix,
     /// The mass matrix over `area`: its entries sum to 1.
     pub mass: MassMatrix,
-    /// The area of the mesh in the units of the input; of a solid its volume, of a graph the number of its vertices: what the entries of the mass of
-    /// the input sum to.
+    /// The area of the mesh in the units of the input; of a solid its volume, of a graph the number of its vertices:
+    /// what the entries of the mass of the input sum to.
     pub area: f64,
     /// The vertex of each row, ascending, where boundary vertices are no unknowns; `None` where row `i` is vertex `i`.
     pub unknowns: Option<Vec<u32>>,

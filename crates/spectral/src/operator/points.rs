@@ -9,10 +9,11 @@
 //! | valid for | points on or near a surface that is flat across 30 neighbours |
 //! | source | Sharp and Crane 2020, *A Laplacian for Nonmanifold Triangle Meshes*, section 5.7 |
 //!
-//! It is a third of a Laplacian of the [local triangulations](chladni_mesh::points), which cover the surface three times: of that by cotangents, or,
-//! where it is asked for or triangles are thin, of the [robust](super::robust) one, as published. Both are the Laplacian of the surface by cotangents
-//! where triangles are acute and all points agree on them. Where they are obtuse, the cover of the robust one flips copies of a triangle that lie on
-//! each other, and eigenvalues come out lower: by 5 % on random points of a sphere, where cotangents lose .8 % (`docs/decisions/0063`).
+//! It is a third of a Laplacian of the [local triangulations](chladni_mesh::points), which cover the surface three
+//! times: of that by cotangents, or, where it is asked for or triangles are thin, of the [robust](super::robust) one,
+//! as published. Both are the Laplacian of the surface by cotangents where triangles are acute and all points agree on
+//! them. Where they are obtuse, the cover of the robust one flips copies of a triangle that lie on each other, and
+//! eigenvalues come out lower: by 5 % on random points of a sphere, where cotangents lose .8 % (`docs/decisions/0063`).
 
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::TriangleMesh;

@@ -9,9 +9,10 @@
 //! | valid for | polygons of any number of corners, flat or not, convex or not |
 //! | source | Bunge, Herholz, Kazhdan and Botsch 2020, Polygon Laplacian Made Simple |
 //!
-//! Each polygon gets a point in its middle, where the squared areas of the triangles from it to the edges are least, as an affine combination of its
-//! corners. Functions take the same combination of their values there, so that these points are no unknowns: with `P` that prolongs functions to
-//! them, `S = Pᵀ S' P` and `M = Pᵀ M' P` for the cotangents of the finer mesh. No diagonal is preferred.
+//! Each polygon gets a point in its middle, where the squared areas of the triangles from it to the edges are least, as
+//! an affine combination of its corners. Functions take the same combination of their values there, so that these
+//! points are no unknowns: with `P` that prolongs functions to them, `S = Pᵀ S' P` and `M = Pᵀ M' P` for the cotangents
+//! of the finer mesh. No diagonal is preferred.
 
 use chladni_algebra::SparseMatrix;
 use chladni_base::parallel::*;
@@ -99,8 +100,9 @@ impl Refined {
         (EigenProblem { stiffness, mass, area: fine.area, unknowns: None }, massless)
     }
 
-    /// The stiffness of that [`problem`](Self::problem) with a potential, one value for each vertex of the mesh on unit area. Lumped masses carry the
-    /// values of their vertices; else values in the middles are those of functions, within what the corners have.
+    /// The stiffness of that [`problem`](Self::problem) with a potential, one value for each vertex of the mesh on unit
+    /// area. Lumped masses carry the values of their vertices; else values in the middles are those of functions,
+    /// within what the corners have.
     pub fn with_potential(&self, problem: &EigenProblem, scaled: &[f64]) -> SparseMatrix {
         if let MassMatrix::Diagonal(_) = &problem.mass {
             return hamiltonian::add_potential(problem, &[], &[], scaled);
@@ -182,7 +184,8 @@ impl Refined {
         SparseMatrix::from_sorted_parts(n, n, offsets, columns.concat(), values.concat())
     }
 
-    /// The mass of each middle goes to the corners by their shares; evenly where some of these are negative, so that no mass is.
+    /// The mass of each middle goes to the corners by their shares; evenly where some of these are negative, so that no
+    /// mass is.
     fn lumped(&self, masses: &[f64], n: usize) -> Vec<f64> {
         let mut lumped = masses[..n].to_vec();
         for (polygon, shares) in self.shares.iter().enumerate() {
@@ -196,8 +199,8 @@ impl Refined {
     }
 }
 
-/// The same with the diagonal of corners of polygons what makes their rows sum to zero: roundings of large terms that nearly cancel would hide from a
-/// solver that constants are in the kernel.
+/// The same with the diagonal of corners of polygons what makes their rows sum to zero: roundings of large terms that
+/// nearly cancel would hide from a solver that constants are in the kernel.
 fn balanced(matrix: SparseMatrix, around: &Around) -> SparseMatrix {
     let mut values = matrix.values().to_vec();
     for row in (0..matrix.rows()).filter(|&row| !around.of(row).is_empty()) {
@@ -246,8 +249,8 @@ impl Around {
     }
 }
 
-/// The affine combination of the corners that is where the squared areas of the fan are least; of all such combinations the one with the least
-/// squares.
+/// The affine combination of the corners that is where the squared areas of the fan are least; of all such combinations
+/// the one with the least squares.
 fn shares(mesh: &TriangleMesh, corners: &[u32]) -> Vec<f64> {
     let n = corners.len();
     let even = 1.0 / n as f64;

@@ -179,7 +179,8 @@ fn the_operator_is_the_one_of_the_finer_mesh_restricted() {
         });
         assert!((0..3).all(|axis| (middle[axis] - p[axis]).abs() < 1e-6), "{middle:?} {p:?}");
         assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-14);
-        // Of least squares: nothing of it lies along combinations that move nothing. For a quad in space there is one, for a pentagon one more.
+        // Of least squares: nothing of it lies along combinations that move nothing. For a quad in space there is one,
+        // for a pentagon one more.
         let blind = |seed: f64| -> Vec<f64> {
             let mut z: Vec<f64> = (0..k).map(|i| (seed + 2.3 * i as f64).sin()).collect();
             let mut rows: Vec<Vec<f64>> = vec![vec![1.0; k]];
@@ -333,8 +334,8 @@ fn auto_keeps_polygons_and_says_so_unless_the_mesh_is_broken() {
     assert_eq!(assemble(&mesh, &dirichlet, &Unwatched).unwrap().problem.size(), 16);
 }
 
-/// Values that are linear on a flat polygon are linear in its middle too: the matrix is the integral of `V φ_i φ_j` over the finer mesh, summed over
-/// points of a rule that is exact for cubic functions.
+/// Values that are linear on a flat polygon are linear in its middle too: the matrix is the integral of `V φ_i φ_j`
+/// over the finer mesh, summed over points of a rule that is exact for cubic functions.
 #[test]
 fn potentials_are_integrated_over_polygons() {
     let mesh = quads(4, |x, y| [x + 0.06 * (8.0 * y).sin(), y + 0.05 * (9.0 * x).sin(), 0.0]);

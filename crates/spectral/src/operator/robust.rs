@@ -48,7 +48,8 @@ pub fn assemble(
     of_triangulation(mesh, &measured, &triangulation, 1.0, report, mass)
 }
 
-/// The robust Laplacian with barycentric masses, and the triangulation that it was made of, in a unit of length of its own.
+/// The robust Laplacian with barycentric masses, and the triangulation that it was made of, in a unit of length of its
+/// own.
 ///
 /// # Errors
 /// As [`assemble`].
@@ -85,7 +86,8 @@ pub(super) fn triangulate(
     Ok((triangulation, report))
 }
 
-/// The problem on a triangulation in the scaled units of `measured`, of triangles that cover the surface `covers` times.
+/// The problem on a triangulation in the scaled units of `measured`, of triangles that cover the surface `covers`
+/// times.
 pub(super) fn of_triangulation(
     mesh: &TriangleMesh,
     measured: &Measured,

@@ -1,6 +1,7 @@
 //! Stiffness and masses of piecewise linear functions, from the shapes of triangles alone.
 //!
-//! The triangles may be those of a mesh, or those of an intrinsic triangulation, where a triangle may meet a vertex more than once.
+//! The triangles may be those of a mesh, or those of an intrinsic triangulation, where a triangle may meet a vertex
+//! more than once.
 
 use chladni_algebra::SparseMatrix;
 use chladni_base::parallel::*;
@@ -11,19 +12,20 @@ use super::{MassKind, MassMatrix};
 
 /// The mass of a vertex that no face with an area touches, as a multiple of the mean mass.
 ///
-/// Nothing acts on such a vertex, neither stiffness nor mass, and a zero on the diagonal would make the mass singular. So small a
-/// mass keeps it definite, changes no other eigenpair, and lets the vertex take whatever value a subspace gives it.
+/// Nothing acts on such a vertex, neither stiffness nor mass, and a zero on the diagonal would make the mass singular.
+/// So small a mass keeps it definite, changes no other eigenpair, and lets the vertex take whatever value a subspace
+/// gives it.
 pub const MASSLESS: f64 = 1e-12;
 
 /// Rows that one task assembles. Fixed, so that results do not depend on the number of threads.
 const ROWS_PER_TASK: usize = 4096;
 
-/// Up to this many faces around a vertex its neighbours are found by looking through a list; beyond it they are sorted. Points have each of some six
-/// triangles three times.
+/// Up to this many faces around a vertex its neighbours are found by looking through a list; beyond it they are sorted.
+/// Points have each of some six triangles three times.
 const SHORT_RING: usize = 48;
 
-/// Entries that a row is given room for beforehand. There are at most two for each corner and one, and half of that on a surface, a sixth of it at points:
-/// room that is not needed has to be cleared all the same.
+/// Entries that a row is given room for beforehand. There are at most two for each corner and one, and half of that on
+/// a surface, a sixth of it at points: room that is not needed has to be cleared all the same.
 const ENTRIES_OF_ROW: usize = 8;
 
 /// Triangles that cover a surface so many times.
@@ -48,8 +50,8 @@ pub(super) struct Assembled {
     pub massless_vertices: usize,
 }
 
-/// Adds up stiffness and mass, row by row; `area` is that of all triangles, and `corners` are those on the vertices of the rows. The result does not
-/// depend on the number of threads, and the stiffness is symmetric to the last bit.
+/// Adds up stiffness and mass, row by row; `area` is that of all triangles, and `corners` are those on the vertices of
+/// the rows. The result does not depend on the number of threads, and the stiffness is symmetric to the last bit.
 pub(super) fn assemble(triangles: &Triangles<'_>, corners: &Corners, area: f64, mass: MassKind) -> Assembled {
     let n = triangles.rows.map_or(triangles.vertices, <[u32]>::len);
     let blocks: Vec<Block> = (0..n.div_ceil(ROWS_PER_TASK))
@@ -123,7 +125,8 @@ fn assemble_rows(
                 MassKind::Barycentric => shape.area / 3.0,
                 MassKind::Voronoi => voronoi_part(shape, k),
             };
-            // Ascending, so that where a triangle meets a vertex twice, both rows of an entry add its parts in one order.
+            // Ascending, so that where a triangle meets a vertex twice, both rows of an entry add its parts in one
+            // order.
             let (i, j) = [(1, 2), (0, 2), (0, 1)][k];
             let off_diagonal = shape.area / 12.0;
             for (other, opposite) in [(i, j), (j, i)] {

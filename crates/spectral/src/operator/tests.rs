@@ -202,7 +202,8 @@ fn meshes_that_are_no_surfaces_have_a_laplacian_with_their_components_as_kernel(
     twice.faces.extend_from_within(3..9);
     let mut hostile = grid(6);
     hostile.positions.extend([[9.0; 3], [9.0; 3], [20.0, 0.0, 0.0]]);
-    // A folded pair, a point pair with an edge of no length, a face on one line, faces that repeat a vertex, and a lone vertex.
+    // A folded pair, a point pair with an edge of no length, a face on one line, faces that repeat a vertex, and a lone
+    // vertex.
     hostile.faces.extend([[0, 6, 1], [0, 1, 6], [0, 36, 37], [0, 1, 2], [3, 3, 4], [5, 5, 5]]);
     for (mesh, edges, massless, kernel) in [(book, 1, 0, 1), (twice, 0, 0, 1), (hostile, 0, 1, 2)] {
         let made = neumann(&mesh, OperatorKind::Auto);

@@ -1,9 +1,11 @@
-//! The weighted transport Laplacian of n-fields (Brandt et al. 2018) and symmetric tensor fields (thesis, appendix 3.A).
+//! The weighted transport Laplacian of n-fields (Brandt et al. 2018) and symmetric tensor fields (thesis, appendix
+//! 3.A).
 //!
-//! Card. Energy `Σ_e w_e |u_i − P u_j|²` over interior edges, `w_e = 3 |e|² / (A_i + A_j)`, mass = face area. Symmetric positive semi-definite; the
-//! boundary is natural. Weights are independent of scale, so eigenvalues are in 1/length². On equal triangles `w` is twice the weight of the
-//! finite-volume Laplacian: this is the sum of a non-conforming divergence and a non-conforming curl energy, each of which is consistent by itself.
-//! So eigenvalues are about twice those of the connection Laplacian on fair triangles, and where triangles are stretched or all point one way they
+//! Card. Energy `Σ_e w_e |u_i − P u_j|²` over interior edges, `w_e = 3 |e|² / (A_i + A_j)`, mass = face area. Symmetric
+//! positive semi-definite; the boundary is natural. Weights are independent of scale, so eigenvalues are in 1/length².
+//! On equal triangles `w` is twice the weight of the finite-volume Laplacian: this is the sum of a non-conforming
+//! divergence and a non-conforming curl energy, each of which is consistent by itself. So eigenvalues are about twice
+//! those of the connection Laplacian on fair triangles, and where triangles are stretched or all point one way they
 //! depend on the direction, however fine the mesh.
 
 use chladni_algebra::{Block, BlockMatrix};
@@ -18,9 +20,10 @@ use super::frames::{FaceFrames, Turn};
 pub enum FieldKind {
     /// A tangent vector, with the Hodge–Laplacian.
     Vector {},
-    /// `n` vectors, equal up to turns by 360°/n, as one representation vector: its angle is `n` times theirs. For `n = 1` a tangent vector.
-    /// The operator carries vectors from face to face and weighs what differs as the thesis does; it is no discretisation of the connection Laplacian: on equal triangles
-    /// its eigenvalues are twice those, and where triangles point one way they differ by direction.
+    /// `n` vectors, equal up to turns by 360°/n, as one representation vector: its angle is `n` times theirs. For
+    /// `n = 1` a tangent vector. The operator carries vectors from face to face and weighs what differs as the thesis
+    /// does; it is no discretisation of the connection Laplacian: on equal triangles its eigenvalues are twice those,
+    /// and where triangles point one way they differ by direction.
     NVector {
         /// How many, from 1.
         #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 64, example = 4))]
@@ -52,11 +55,12 @@ impl FieldKind {
 /// The largest `n` of n-vectors: beyond it, transport over a few faces has turned through all angles.
 pub const MOST_VECTORS: u32 = 64;
 
-/// The block that carries stored numbers of the given kind from a neighbour into a face; `turn` is [`FaceFrames::carry`] to the power
-/// [`FieldKind::order`].
+/// The block that carries stored numbers of the given kind from a neighbour into a face; `turn` is
+/// [`FaceFrames::carry`] to the power [`FieldKind::order`].
 ///
-/// For tensors this is `P` of (3.18), written in the cosine and sine of twice the angle. Between faces of opposite orientation the last of the
-/// numbers changes its sign first. A block of a size that does not fit the kind is the identity.
+/// For tensors this is `P` of (3.18), written in the cosine and sine of twice the angle. Between faces of opposite
+/// orientation the last of the numbers changes its sign first. A block of a size that does not fit the kind is the
+/// identity.
 pub fn transport_block<const B: usize>(kind: FieldKind, turn: Turn) -> Block<B> {
     let mut block = [[0.0; B]; B];
     for i in 0..B {

@@ -1,7 +1,9 @@
-//! Frames and gradients at vertices, as networks that diffuse features on surfaces take them (Sharp et al. 2022, DiffusionNet).
+//! Frames and gradients at vertices, as networks that diffuse features on surfaces take them (Sharp et al. 2022,
+//! DiffusionNet).
 //!
-//! The gradient at a vertex is the tangent vector `g` that explains the differences along its edges best: least squares of `eⱼ·g = f(j) − f(i)` over
-//! its neighbours `j`, `eⱼ` being the edge in the frame of the vertex, with `ε|g|²` added so that a single edge suffices.
+//! The gradient at a vertex is the tangent vector `g` that explains the differences along its edges best: least squares
+//! of `eⱼ·g = f(j) − f(i)` over its neighbours `j`, `eⱼ` being the edge in the frame of the vertex, with `ε|g|²` added
+//! so that a single edge suffices.
 
 use chladni_base::parallel::*;
 

@@ -28,8 +28,8 @@ const ROWS_PER_TASK: usize = 2048;
 
 type Vector = [f64; 3];
 
-/// Assembles the operator of a solid; its rows are all vertices, those on the boundary first where the solid was checked. Announces the stage
-/// `operator`.
+/// Assembles the operator of a solid; its rows are all vertices, those on the boundary first where the solid was
+/// checked. Announces the stage `operator`.
 ///
 /// # Errors
 /// [`OperatorError`]: a Voronoi mass, a vertex out of range or not finite, a solid without volume or unknowns, cancellation.
@@ -151,7 +151,8 @@ impl<'a> Elements<'a> {
         (EigenProblem { stiffness, mass, area, unknowns: None }, rows.massless)
     }
 
-    /// A run of rows. The diagonal is the negative sum of the rest, so that constants are in the kernel as far as rounding lets them.
+    /// A run of rows. The diagonal is the negative sum of the rest, so that constants are in the kernel as far as
+    /// rounding lets them.
     fn rows(&self, range: std::ops::Range<usize>, kind: MassKind, n: usize) -> Rows {
         let mut rows = Rows::default();
         let mut ring: Vec<(u32, f64, f64)> = Vec::new();

@@ -9,7 +9,8 @@
 //! | frames | a tensor is `xx, xy, yy` in the frame of its face: `x` along the edge from corner 0 to corner 1, `y = n × x`, as [`frames`](super::frames) has them |
 //! | source | linear finite elements; Andreux et al. 2014 for anisotropy on surfaces |
 //!
-//! It is made by the triangles as they are: an intrinsic Delaunay triangulation has other faces than those that have weights.
+//! It is made by the triangles as they are: an intrinsic Delaunay triangulation has other faces than those that have
+//! weights.
 
 use chladni_algebra::SparseMatrix;
 use chladni_mesh::TriangleMesh;
@@ -24,12 +25,14 @@ use super::{EigenProblem, OperatorError};
 #[cfg_attr(feature = "schema", schema(as = OperatorParts, example = json!({"scalars": [1.0, 1.0, 0.25, 4.0], "fixed": [0, 7]})))]
 #[serde(default, deny_unknown_fields)]
 pub struct Parts {
-    /// A positive number for each face, which multiplies its share of the stiffness. Ones, unless they or tensors are given.
+    /// A positive number for each face, which multiplies its share of the stiffness. Ones, unless they or tensors are
+    /// given.
     #[cfg_attr(feature = "schema", schema(required = false))]
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub scalars: Vec<f64>,
-    /// Three numbers for each face, one after the other: `xx`, `xy` and `yy` of a positive definite tensor in the frame of the face, whose `x` runs
-    /// along the edge from its first corner to its second, and `y` to the side of the third.
+    /// Three numbers for each face, one after the other: `xx`, `xy` and `yy` of a positive definite tensor in the frame
+    /// of the face, whose `x` runs along the edge from its first corner to its second, and `y` to the side of the
+    /// third.
     #[cfg_attr(feature = "schema", schema(required = false))]
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub tensors: Vec<f64>,
@@ -87,7 +90,8 @@ impl Parts {
     /// Checks the parts against the size of a mesh.
     ///
     /// # Errors
-    /// [`OperatorError::Parameter`] where there are other numbers of weights than of faces, a vertex is not there, or none is left.
+    /// [`OperatorError::Parameter`] where there are other numbers of weights than of faces, a vertex is not there, or
+    /// none is left.
     pub fn check_mesh(&self, vertices: usize, faces: usize) -> Result<(), OperatorError> {
         for (name, found, needed) in [(SCALARS, self.scalars.len(), faces), (TENSORS, self.tensors.len(), 3 * faces)] {
             if found > 0 && found != needed {
@@ -109,8 +113,8 @@ impl Parts {
     }
 }
 
-/// The stiffness with the weights of the faces, in the pattern of that of `laplacian`, which was made of the same faces; `shapes` are theirs. Faces
-/// without area contribute nothing.
+/// The stiffness with the weights of the faces, in the pattern of that of `laplacian`, which was made of the same
+/// faces; `shapes` are theirs. Faces without area contribute nothing.
 pub(super) fn stiffness(
     laplacian: &EigenProblem,
     mesh: &TriangleMesh,
@@ -205,7 +209,8 @@ mod tests {
         }
     }
 
-    /// The energy of a linear function on a flat sheet, `A g·D g`, with `D` the same in space whatever the frames of the faces.
+    /// The energy of a linear function on a flat sheet, `A g·D g`, with `D` the same in space whatever the frames of
+    /// the faces.
     #[test]
     fn a_tensor_measures_gradients_in_the_frame_of_its_face() {
         let mut mesh = sheet();

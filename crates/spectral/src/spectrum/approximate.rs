@@ -1,4 +1,5 @@
-//! The fast approximation of eigenproblems (thesis, chapter 2): Ritz pairs in a subspace of locally supported functions.
+//! The fast approximation of eigenproblems (thesis, chapter 2): Ritz pairs in a subspace of locally supported
+//! functions.
 
 mod above;
 mod attempt;
@@ -55,8 +56,8 @@ impl Space {
 pub struct ApproximationParameters {
     /// The number `m` of eigenpairs.
     pub count: usize,
-    /// The dimension `d ≥ m` of the subspace. A mesh of fewer than `1.5 d` vertices is solved exactly instead, and a construction
-    /// may add a function for a vertex that no other reaches.
+    /// The dimension `d ≥ m` of the subspace. A mesh of fewer than `1.5 d` vertices is solved exactly instead, and a
+    /// construction may add a function for a vertex that no other reaches.
     pub dimension: usize,
     /// How the subspace is built.
     pub space: Space,
@@ -91,7 +92,8 @@ pub fn dimension_for(count: usize, columns_per_pair: usize) -> usize {
 pub struct Goal {
     /// The largest relative error of an eigenvalue, as estimated. The mean is to be at most a fifth of it.
     pub error: f64,
-    /// How often columns may be added where it is exceeded: [`MOST_ROUNDS`], or 0 to take the space as it is and say whether it will do.
+    /// How often columns may be added where it is exceeded: [`MOST_ROUNDS`], or 0 to take the space as it is and say
+    /// whether it will do.
     pub rounds: usize,
 }
 
@@ -101,21 +103,24 @@ pub const MOST_ROUNDS: usize = 5;
 /// Where single vertices as columns gain less than this factor, the space grows instead.
 const LEAST_GAIN: f64 = 1.15;
 
-/// Columns of fewer vertices than this may be too coarse for a limb, and are smoothed for longer where a goal is missed.
+/// Columns of fewer vertices than this may be too coarse for a limb, and are smoothed for longer where a goal is
+/// missed.
 pub const FEW_VERTICES: usize = 60;
 
 /// Columns of fewer vertices than this diffuse for longer from the beginning.
 const FEW_VERTICES_FOR_HEAT: usize = 20;
 
-/// Computes the lowest `m` Ritz pairs of an operator on a surface, or of the Laplacian in a solid, in a subspace of `d` locally supported functions.
+/// Computes the lowest `m` Ritz pairs of an operator on a surface, or of the Laplacian in a solid, in a subspace of `d`
+/// locally supported functions.
 ///
-/// Where the estimated error of a pair exceeds the goal, the space is made finer and the pairs computed again, as often as the goal allows: by
-/// columns that diffuse for longer, where they have few vertices; by hat functions where the residuals sit, if that is at few vertices; else by a
-/// larger `d`. The certificate tells what came of it.
+/// Where the estimated error of a pair exceeds the goal, the space is made finer and the pairs computed again, as often
+/// as the goal allows: by columns that diffuse for longer, where they have few vertices; by hat functions where the
+/// residuals sit, if that is at few vertices; else by a larger `d`. The certificate tells what came of it.
 ///
-/// Stages: `sampling`, `basis`, `reduce`, `eigen`, `bounds`; the last three, or all, once more for each round; `certify`. Eigenvalues ascend, are
-/// upper bounds of the exact ones, and are in 1/length² of the input; eigenfunctions are orthonormal for the mass of the input. The metadata are left
-/// empty. The same input and seed give the same answer, up to rounding in the dense eigenproblem where the number of threads differs.
+/// Stages: `sampling`, `basis`, `reduce`, `eigen`, `bounds`; the last three, or all, once more for each round;
+/// `certify`. Eigenvalues ascend, are upper bounds of the exact ones, and are in 1/length² of the input; eigenfunctions
+/// are orthonormal for the mass of the input. The metadata are left empty. The same input and seed give the same
+/// answer, up to rounding in the dense eigenproblem where the number of threads differs.
 ///
 /// # Errors
 /// [`ApproximationError`]: a mesh without area, radial functions in a solid, more pairs than vertices, a restricted problem that is not definite,
@@ -190,7 +195,8 @@ fn report(domain: Domain<'_>, attempt: &Attempt, built: Space, rounds: usize, go
     }
 }
 
-/// Pairs and at least `guards` beyond them in a space that is made finer as often as the goal allows, on a problem of unit size.
+/// Pairs and at least `guards` beyond them in a space that is made finer as often as the goal allows, on a problem of
+/// unit size.
 pub(super) fn search<'a>(
     domain: Domain<'_>,
     operator: &'a MeshOperator,
@@ -256,9 +262,9 @@ pub(super) fn search<'a>(
     Ok(Found { attempt, energy, built, rounds })
 }
 
-/// From so many unknowns on pairs are measured in parts of the surface, one after the other: what a panel and its hierarchy take, some 900 bytes an
-/// unknown, is most of the memory. Bounds are a little wider beside cuts, and where a goal is missed columns are added everywhere: where energy is
-/// missing is known of the whole alone.
+/// From so many unknowns on pairs are measured in parts of the surface, one after the other: what a panel and its
+/// hierarchy take, some 900 bytes an unknown, is most of the memory. Bounds are a little wider beside cuts, and where a
+/// goal is missed columns are added everywhere: where energy is missing is known of the whole alone.
 pub const MEASURED_IN_PARTS_FROM: usize = 4_000_000;
 
 /// The unknowns of such a part.
@@ -377,9 +383,9 @@ fn delivered(
     }
 }
 
-/// Makes distances of values, ascending, from some eigenvalue those from the eigenvalue of the same index, if no two values belong to one eigenvalue:
-/// a pair that is closer than its neighbours stands one place too low where an eigenvalue below it has its value above. No distance gets smaller;
-/// they are in units of the values over `unit`.
+/// Makes distances of values, ascending, from some eigenvalue those from the eigenvalue of the same index, if no two
+/// values belong to one eigenvalue: a pair that is closer than its neighbours stands one place too low where an
+/// eigenvalue below it has its value above. No distance gets smaller; they are in units of the values over `unit`.
 fn by_index(values: &[f64], distances: &mut [f64], unit: f64) {
     let mut lower: Vec<f64> = values
         .iter()
@@ -393,8 +399,9 @@ fn by_index(values: &[f64], distances: &mut [f64], unit: f64) {
     }
 }
 
-/// Pairs that are computed and judged beyond those that are delivered. An eigenfunction that the space holds badly has its Ritz value among them,
-/// and all pairs between lie one place too low. Where columns have few vertices it may lie a third too high: on a limb of needles.
+/// Pairs that are computed and judged beyond those that are delivered. An eigenfunction that the space holds badly has
+/// its Ritz value among them, and all pairs between lie one place too low. Where columns have few vertices it may lie a
+/// third too high: on a limb of needles.
 fn guards(count: usize, vertices_per_column: usize) -> usize {
     if vertices_per_column < FEW_VERTICES { count / 3 + 8 } else { count / 10 + 4 }
 }

@@ -1,4 +1,5 @@
-//! The approximation of every operator: against analytic spectra, against exact solves, and on meshes that are no surfaces.
+//! The approximation of every operator: against analytic spectra, against exact solves, and on meshes that are no
+//! surfaces.
 
 use chladni_algebra::SparseMatrix;
 use chladni_base::Unwatched;
@@ -179,8 +180,8 @@ fn bounds_are_narrow_and_hold_beside_triangles_of_next_to_no_area() {
     }
 }
 
-/// Twice the same column, but for the last bits of one entry: the difference has a mass and an energy of nothing but rounding errors, and whatever
-/// quotient of the two it likes.
+/// Twice the same column, but for the last bits of one entry: the difference has a mass and an energy of nothing but
+/// rounding errors, and whatever quotient of the two it likes.
 #[test]
 fn columns_that_all_but_equal_others_add_no_pairs() {
     let mesh = generate(Shape::Sphere, 2_000).unwrap();
@@ -266,7 +267,8 @@ fn certified_pairs_enclose_the_exact_ones_index_by_index_or_are_refused() {
     }
 }
 
-/// Of three eigenvalues 10, 11 and 12 the second is found exactly and the others 1.5 too high: by value it comes first, and is the second.
+/// Of three eigenvalues 10, 11 and 12 the second is found exactly and the others 1.5 too high: by value it comes first,
+/// and is the second.
 #[test]
 fn distances_are_from_the_eigenvalue_of_the_same_index() {
     let values = [11.0, 11.5, 13.5];
@@ -330,7 +332,8 @@ fn columns_of_few_vertices_hold_thin_triangles_and_say_how_far_they_diffused() {
 
 #[test]
 fn zeros_are_exact_and_small_values_beside_them_are_none() {
-    // Spheres of very different sizes: the lowest eigenvalues of the large one are less than rounding makes of the largest.
+    // Spheres of very different sizes: the lowest eigenvalues of the large one are less than rounding makes of the
+    // largest.
     let sphere = generate(Shape::Sphere, 3_000).unwrap();
     let mesh = union(&[placed(sphere.clone(), 1e5, [0.0; 3]), placed(sphere, 1.0, [3e5, 0.0, 0.0])]);
     let made = operator(&mesh, OperatorKind::Laplace, MassKind::Barycentric, Boundary::Neumann);

@@ -1,8 +1,9 @@
-//! What is proven about Ritz pairs: residuals, a-posteriori bounds, orthonormality on the fine mesh; and what is estimated.
+//! What is proven about Ritz pairs: residuals, a-posteriori bounds, orthonormality on the fine mesh; and what is
+//! estimated.
 //!
-//! Bounds need no assumption: neither that θ is close to anything, nor that no eigenvalue was missed. They and the estimates measure
-//! residuals in the norm that belongs to them ([`energy`](super::energy)), rounding enclosed. Ritz values are besides upper bounds: the k-th exact
-//! eigenvalue is at most the k-th Ritz value.
+//! Bounds need no assumption: neither that θ is close to anything, nor that no eigenvalue was missed. They and the
+//! estimates measure residuals in the norm that belongs to them ([`energy`](super::energy)), rounding enclosed. Ritz
+//! values are besides upper bounds: the k-th exact eigenvalue is at most the k-th Ritz value.
 
 use chladni_base::parallel::*;
 
@@ -51,15 +52,17 @@ impl From<MultigridError> for CertificateError {
     }
 }
 
-/// Up to this Ritz value (unit area) a pair counts as one of the kernel, whose relative residual (4.6) would compare rounding errors.
+/// Up to this Ritz value (unit area) a pair counts as one of the kernel, whose relative residual (4.6) would compare
+/// rounding errors.
 pub const KERNEL: f64 = 1e-6;
 
 /// Certifies `m` Ritz pairs and turns each so that its lifted vector's entry of largest magnitude is positive.
 ///
-/// `energy` is `problem`, prepared; `space` is `U`, `n × d`; `reduced_mass` is `UᵀMU`, `d × d`; `coefficients` are `φ̄`, `d × m`, orthonormal for it;
-/// `ritz` are the values on unit area, ascending. Everything is computed on the fine mesh, panel by panel, without ever lifting more than 32
-/// columns a thread. The orthonormality defect is the largest entry of `|φ̄ᵀ(UᵀMU)φ̄ − I|`, which is the fine mesh's inner
-/// product, and of `|xᵀMx − 1|` over the lifted vectors. Bounds and estimates are in the units of the input.
+/// `energy` is `problem`, prepared; `space` is `U`, `n × d`; `reduced_mass` is `UᵀMU`, `d × d`; `coefficients` are
+/// `φ̄`, `d × m`, orthonormal for it; `ritz` are the values on unit area, ascending. Everything is computed on the fine
+/// mesh, panel by panel, without ever lifting more than 32 columns a thread. The orthonormality defect is the largest
+/// entry of `|φ̄ᵀ(UᵀMU)φ̄ − I|`, which is the fine mesh's inner product, and of `|xᵀMx − 1|` over the lifted vectors.
+/// Bounds and estimates are in the units of the input.
 ///
 /// With a `goal`, what pairs miss whose estimated relative error exceeds it comes back as a density over the rows.
 ///
@@ -103,8 +106,8 @@ pub fn certify(
     Ok((certificate, density))
 }
 
-/// The certificate of pairs that are measured; each is turned as [`certify`] says. `stiffness_norm` is the largest sum of magnitudes in a row of the
-/// stiffness, `defect` how far coefficients are from orthonormal.
+/// The certificate of pairs that are measured; each is turned as [`certify`] says. `stiffness_norm` is the largest sum
+/// of magnitudes in a row of the stiffness, `defect` how far coefficients are from orthonormal.
 pub(super) fn certificate_of(
     measures: &[Measure],
     (stiffness_norm, defect, area): (f64, f64, f64),

@@ -188,7 +188,8 @@ fn a_graphics_card_measures_what_the_cpu_measures() {
                 && near(found.sums.lowest, expected.sums.lowest, 1e-12)
                 && near(found.sums.highest, expected.sums.highest, 1e-12);
             assert!(same, "{kind:?} {k}: {found:?} instead of {expected:?}");
-            // Cycles are in single precision. On so small a mesh the CPU solves by a factor where a bound is wide, and has the norm itself.
+            // Cycles are in single precision. On so small a mesh the CPU solves by a factor where a bound is wide, and
+            // has the norm itself.
             assert!(found.below > 0.95 * expected.below, "{kind:?} {k}: {found:?} instead of {expected:?}");
             assert!(found.above >= expected.below, "{kind:?} {k}: {found:?} instead of {expected:?}");
             let close = found.above < 4.5 * found.below || found.bound < 0.1 * (case.ritz[k] - floor);

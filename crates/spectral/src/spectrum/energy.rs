@@ -1,7 +1,7 @@
 //! Residuals in the norm that belongs to them: that of the inverse operator.
 //!
-//! `K = S + cM` is positive semi-definite (`c` is 0 but for negative potentials), `A = K + σM`, `r = S x − θ M x`. With `z = A^½ x` and
-//! `B = A^-½ M A^-½`, `A^-½ r = (1 − (θ + c + σ) B) z`, so some exact eigenvalue λ has
+//! `K = S + cM` is positive semi-definite (`c` is 0 but for negative potentials), `A = K + σM`, `r = S x − θ M x`. With
+//! `z = A^½ x` and `B = A^-½ M A^-½`, `A^-½ r = (1 − (θ + c + σ) B) z`, so some exact eigenvalue λ has
 //!
 //! ```text
 //! |λ − θ| ≤ η (λ + c + σ),   η = ‖r‖_{A⁻¹} / ‖x‖_A.
@@ -13,9 +13,10 @@
 //! 2 yᵀr − yᵀAy  ≤  ‖r‖²_{A⁻¹}  ≤  2 yᵀr − yᵀAy + (r − Ay)ᵀ B⁻¹ (r − Ay),
 //! ```
 //!
-//! and `y` comes from a multigrid cycle or two. `B` is below `A` and easily inverted: `σM`, and what of `S` makes a forest. What the best multiple of `y` would take off the Ritz value,
-//! `(yᵀr)² / yᵀ(S − θM)y`, estimates its error. Rounding is part of the upper end: row by row, what the sums in double precision may err by, and
-//! what storing `r` in single precision changes.
+//! and `y` comes from a multigrid cycle or two. `B` is below `A` and easily inverted: `σM`, and what of `S` makes a
+//! forest. What the best multiple of `y` would take off the Ritz value, `(yᵀr)² / yᵀ(S − θM)y`, estimates its error.
+//! Rounding is part of the upper end: row by row, what the sums in double precision may err by, and what storing `r` in
+//! single precision changes.
 
 mod corrections;
 mod direct;
@@ -47,13 +48,13 @@ use chladni_algebra::{
 };
 use chladni_base::{Cancelled, Monitor, Spare};
 
-/// σ as a share of the lowest value of a panel that is not zero. Measured on igea, armadillo and rolling-stage with 500 pairs: 0.7 takes 40, 85 and
-/// 131 cycles (the last two in three rounds) where 0.3 takes 56, 104 and 152, for bounds of the same width, and estimates are closer; with 2
-/// estimates fall below the errors.
+/// σ as a share of the lowest value of a panel that is not zero. Measured on igea, armadillo and rolling-stage with 500
+/// pairs: 0.7 takes 40, 85 and 131 cycles (the last two in three rounds) where 0.3 takes 56, 104 and 152, for bounds of
+/// the same width, and estimates are closer; with 2 estimates fall below the errors.
 const SHIFT: f64 = 0.7;
 
-/// Another cycle is taken where the square of the upper end exceeds that of the lower one by more than `SLACK` times and the bound is above `CLOSE`
-/// of the value; cycles at most.
+/// Another cycle is taken where the square of the upper end exceeds that of the lower one by more than `SLACK` times
+/// and the bound is above `CLOSE` of the value; cycles at most.
 const SLACK: f64 = 3.0;
 const CLOSE: f64 = 0.08;
 const MOST_STEPS: usize = 4;
@@ -61,7 +62,8 @@ const MOST_STEPS: usize = 4;
 /// Halves of a panel that is lifted.
 const HALVES: usize = LIFT_WIDTH / CYCLE_WIDTH;
 
-/// Relative rounding error of a product with the mass matrix: a consistent one has a few dozen entries in its longest rows.
+/// Relative rounding error of a product with the mass matrix: a consistent one has a few dozen entries in its longest
+/// rows.
 const MASS_ROUNDING: f64 = 100.0 * f64::EPSILON;
 
 /// Relative rounding error of storing a number in single precision.
@@ -109,7 +111,8 @@ impl<'a> Energy<'a> {
         Self::on(None, problem, floor, monitor)
     }
 
-    /// The same where the stiffness is that of the cotangents of some triangles: bounds are closer where these are known.
+    /// The same where the stiffness is that of the cotangents of some triangles: bounds are closer where these are
+    /// known.
     ///
     /// # Errors
     /// As [`new`](Self::new).
@@ -136,8 +139,9 @@ impl<'a> Energy<'a> {
         Ok(Self { problem, order, mass, lumped, rounding, floor, hierarchy, forest, ordered, own, coupled: None })
     }
 
-    /// Measures the pairs with Ritz values `ritz`, ascending, and vectors `space · coefficients`. With a `goal`, also where pairs miss energy whose
-    /// estimated relative error exceeds it. Values up to `kernel` count as zero. The rows of `space` are in another order meanwhile.
+    /// Measures the pairs with Ritz values `ritz`, ascending, and vectors `space · coefficients`. With a `goal`, also
+    /// where pairs miss energy whose estimated relative error exceeds it. Values up to `kernel` count as zero. The rows
+    /// of `space` are in another order meanwhile.
     ///
     /// # Errors
     /// [`Cancelled`], when asked to stop.
@@ -159,8 +163,8 @@ impl<'a> Energy<'a> {
             (n, ritz.len()),
             "a row for each unknown, a column for each value"
         );
-        // In the order of the patches: rows all over the memory take three times as long to lift. There is one space at a time: of millions of rows it
-        // is as large as the pencil.
+        // In the order of the patches: rows all over the memory take three times as long to lift. There is one space at
+        // a time: of millions of rows it is as large as the pencil.
         *space = self.in_order(space);
         let found = self.measure_in_order(space, coefficients, ritz, KernelAndGoal { kernel, goal }, monitor);
         let mut places = vec![0u32; n];
@@ -327,8 +331,8 @@ impl<'a> Energy<'a> {
         conclude(residual, enclosed, ritz, sigma, (self.floor, self.mass.lumped_ratio()))
     }
 
-    /// `r = S x − θ M x` of the panel into `right`, in single precision, with the sums that it enters. `x` is lifted patch by patch and never
-    /// stored.
+    /// `r = S x − θ M x` of the panel into `right`, in single precision, with the sums that it enters. `x` is lifted
+    /// patch by patch and never stored.
     fn residuals(
         &self,
         lifter: &RowLifter<'_>,
@@ -372,8 +376,8 @@ impl<'a> Energy<'a> {
         })
     }
 
-    /// A cycle from zero, or one that improves the `y` that was kept, and the terms of the enclosure for the `y` found. Keeps `y`, or that and
-    /// `r − Ay`, if asked to.
+    /// A cycle from zero, or one that improves the `y` that was kept, and the terms of the enclosure for the `y` found.
+    /// Keeps `y`, or that and `r − Ay`, if asked to.
     fn step(&self, workspace: &mut Workspace, half: usize, sigma: f64, step: Step) -> Enclosure {
         let Workspace { right, y, rest, next_y, next_rest, cycle, trees, .. } = workspace;
         let (trees, forest) = (&*trees, self.forest.as_ref().filter(|_| step.by_trees));
@@ -475,8 +479,9 @@ fn places<'a>(patches: &[Patch], rows: &'a mut Vec<CycleRow>, count: usize, want
 /// Nine sums of sixteen pairs, for each half of a panel.
 type Totals = [[[f64; CYCLE_WIDTH]; 9]; HALVES];
 
-/// From so many unknowns on, all threads work on a panel together: a panel for each thread takes 720 bytes a row and thread, and threads idle where there
-/// are fewer panels. A factor, which is for fewer unknowns, has its panels of solutions on each thread.
+/// From so many unknowns on, all threads work on a panel together: a panel for each thread takes 720 bytes a row and
+/// thread, and threads idle where there are fewer panels. A factor, which is for fewer unknowns, has its panels of
+/// solutions on each thread.
 pub const SHARED_FROM: usize = MOST_FACTORED + 1;
 
 /// What is needed for a panel.
@@ -514,7 +519,8 @@ impl Workspace {
     }
 }
 
-/// Calls `work` for each panel of so many, with memory for it: one after the other where threads share each, at once where each has its own.
+/// Calls `work` for each panel of so many, with memory for it: one after the other where threads share each, at once
+/// where each has its own.
 fn over_panels<T: Send>(
     energy: &Energy<'_>,
     panels: usize,

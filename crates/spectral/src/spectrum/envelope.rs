@@ -1,11 +1,12 @@
 //! Local functions for operators beside the Laplacian: all take one common factor, the envelope.
 //!
-//! A space of smooth functions serves the Laplacian well. Functions that must vanish on the boundary, or that a potential pushes away,
-//! it serves badly: cutting rows off at the boundary would let functions drop to zero within one edge, and where a potential is steep
-//! eigenfunctions bend faster than a column is wide. So every function is multiplied by one factor `w`, what is left of the constant
-//! 1 after an implicit heat step of the operator itself: `(M + τK) w = M 1`, with zero on a clamped boundary. It vanishes on the
-//! boundary like the distance from it, and bends where the potential bends the eigenfunctions: each of those is `w` times a smoother
-//! function (at a crease, where `K` has a delta potential `c`, both slopes jump by `c` times the value, so the quotient has no kink).
+//! A space of smooth functions serves the Laplacian well. Functions that must vanish on the boundary, or that a
+//! potential pushes away, it serves badly: cutting rows off at the boundary would let functions drop to zero within one
+//! edge, and where a potential is steep eigenfunctions bend faster than a column is wide. So every function is
+//! multiplied by one factor `w`, what is left of the constant 1 after an implicit heat step of the operator itself:
+//! `(M + τK) w = M 1`, with zero on a clamped boundary. It vanishes on the boundary like the distance from it, and
+//! bends where the potential bends the eigenfunctions: each of those is `w` times a smoother function (at a crease,
+//! where `K` has a delta potential `c`, both slopes jump by `c` times the value, so the quotient has no kink).
 
 use chladni_algebra::SparseMatrix;
 use chladni_base::parallel::*;
@@ -14,8 +15,8 @@ use chladni_base::{Cancelled, Monitor};
 use super::domain::Domain;
 use crate::operator::{EigenProblem, MeshOperator};
 
-/// The time of the heat step is this times the square of a column's width, on unit size: the envelope changes over about one column's width.
-/// Twice or half of it costs the Dirichlet spectra of real meshes up to a fifth in accuracy.
+/// The time of the heat step is this times the square of a column's width, on unit size: the envelope changes over
+/// about one column's width. Twice or half of it costs the Dirichlet spectra of real meshes up to a fifth in accuracy.
 const TIME: f64 = 1.0;
 
 /// Relative residual at which the heat step is solved well enough.
@@ -24,11 +25,12 @@ const TOLERANCE: f64 = 1e-4;
 /// Steps of the solver, at most.
 const MOST_STEPS: usize = 2000;
 
-/// The least and the largest factor: neither rounding nor negative weights may make it zero or less, nor a deep well make it huge.
+/// The least and the largest factor: neither rounding nor negative weights may make it zero or less, nor a deep well
+/// make it huge.
 const RANGE: (f64, f64) = (1e-6, 1e3);
 
-/// Makes `space`, `n × d` on all vertices, one for the operator: its rows are the unknowns, each times the envelope, its columns those
-/// that this does not leave empty. For the Laplacian itself nothing is done.
+/// Makes `space`, `n × d` on all vertices, one for the operator: its rows are the unknowns, each times the envelope,
+/// its columns those that this does not leave empty. For the Laplacian itself nothing is done.
 ///
 /// # Errors
 /// [`Cancelled`], when asked to stop.
@@ -79,7 +81,8 @@ pub fn on_all_vertices(space: SparseMatrix<f32>, unknowns: &[u32], n: usize) -> 
     SparseMatrix::from_sorted_parts(n, space.columns(), offsets, space.indices().to_vec(), space.values().to_vec())
 }
 
-/// The factor on every unknown. Where a negative potential makes `M + τK` indefinite, `M` is given more and more weight.
+/// The factor on every unknown. Where a negative potential makes `M + τK` indefinite, `M` is given more and more
+/// weight.
 fn envelope(problem: &EigenProblem, time: f64, monitor: &dyn Monitor) -> Result<Vec<f64>, Cancelled> {
     let mut time = time;
     loop {
@@ -90,12 +93,13 @@ fn envelope(problem: &EigenProblem, time: f64, monitor: &dyn Monitor) -> Result<
     }
 }
 
-/// Solves `(M + τK) w = M 1`, `M` lumped, by conjugate gradients with the diagonal as preconditioner. `None` where that is seen not to be
-/// positive definite.
+/// Solves `(M + τK) w = M 1`, `M` lumped, by conjugate gradients with the diagonal as preconditioner. `None` where that
+/// is seen not to be positive definite.
 fn heat_step(problem: &EigenProblem, time: f64, monitor: &dyn Monitor) -> Result<Option<Vec<f64>>, Cancelled> {
     let n = problem.size();
     let stiffness = &problem.stiffness;
-    // The mass of the whole surface acts on a constant, also that of clamped neighbours that a consistent mass would leave out.
+    // The mass of the whole surface acts on a constant, also that of clamped neighbours that a consistent mass would
+    // leave out.
     let mass = problem.mass.lumped();
     let diagonal: Vec<f64> = (0..n)
         .into_par_iter()

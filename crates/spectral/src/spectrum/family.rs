@@ -1,8 +1,9 @@
 //! Restricting a family of operators to one subspace.
 //!
-//! The space is spanned by the lowest eigenfunctions of a few members, the anchors. Between two anchors eigenfunctions turn into each other
-//! smoothly, so that the span of theirs holds those of every member between to a few hundredths of a percent in the eigenvalues, where
-//! as many local functions of the Laplacian, which know nothing of where a surface bends, err by percents.
+//! The space is spanned by the lowest eigenfunctions of a few members, the anchors. Between two anchors eigenfunctions
+//! turn into each other smoothly, so that the span of theirs holds those of every member between to a few hundredths of
+//! a percent in the eigenvalues, where as many local functions of the Laplacian, which know nothing of where a surface
+//! bends, err by percents.
 
 use chladni_algebra::{
     DenseMatrix, MassMatrix, PANEL_WIDTH, PanelMatrix, SparseMatrix, SymmetricDefiniteSolver, Weight, gpu,
@@ -20,11 +21,12 @@ use crate::basis::family::FamilyBasis;
 use crate::operator::{EigenProblem, FamilyOperators};
 use crate::spectrum::heat::HeatParameters;
 
-/// `(t, v)` of the members whose eigenfunctions span the space. Where the operator follows the normals a little, its spectrum changes fastest;
-/// strong potentials confine eigenfunctions to where the surface is flat, step by step.
+/// `(t, v)` of the members whose eigenfunctions span the space. Where the operator follows the normals a little, its
+/// spectrum changes fastest; strong potentials confine eigenfunctions to where the surface is flat, step by step.
 pub const ANCHORS: [[f64; 2]; 6] = [[0.0, 0.0], [0.08, 0.0], [0.3, 0.0], [1.0, 0.0], [0.0, 3.0], [0.0, 20.0]];
 
-/// Pairs that are computed of each anchor, over its share of the dimension: some turn out to be dependent on those of others.
+/// Pairs that are computed of each anchor, over its share of the dimension: some turn out to be dependent on those of
+/// others.
 const SURPLUS: f64 = 1.1;
 
 /// The residual to which the pairs of an anchor are computed.
@@ -39,10 +41,12 @@ const DEPENDENT: f64 = 1e-4;
 /// Below this many vertices per dimension the space is that of all functions on the mesh.
 const EXACT_RATIO: f64 = 1.5;
 
-/// Restricts the Laplacian, the extrinsic operator and the curvature potential to a space of at most `dimension` functions, or of all functions
-/// where the mesh has fewer than `1.5 dimension` vertices. The metadata tell of the anchors.
+/// Restricts the Laplacian, the extrinsic operator and the curvature potential to a space of at most `dimension`
+/// functions, or of all functions where the mesh has fewer than `1.5 dimension` vertices. The metadata tell of the
+/// anchors.
 ///
-/// An equal share of the dimension belongs to each anchor; spectra are accurate up to about three quarters of that many pairs.
+/// An equal share of the dimension belongs to each anchor; spectra are accurate up to about three quarters of that many
+/// pairs.
 ///
 /// Stages: `anchors`, `reduce`, `eigen`.
 ///
@@ -152,7 +156,8 @@ fn member(operators: &FamilyOperators, t: f64, v: f64) -> EigenProblem {
     EigenProblem { stiffness, ..problem.clone() }
 }
 
-/// The lowest Ritz pairs, `M`-orthonormal, in the span of some columns, `count` at most; columns that depend on the others are left out.
+/// The lowest Ritz pairs, `M`-orthonormal, in the span of some columns, `count` at most; columns that depend on the
+/// others are left out.
 fn ritz_pairs(
     problem: &EigenProblem,
     columns: PanelMatrix,

@@ -1,22 +1,24 @@
 //! Vertices as columns of their own, where local functions are too coarse.
 //!
-//! Smooth columns need some ten vertices in a cell. A tail of long thin triangles has one to three there: columns stay steps, and more of
-//! them make it worse. A hat function for each such vertex is exact, has one entry, and costs one column.
+//! Smooth columns need some ten vertices in a cell. A tail of long thin triangles has one to three there: columns stay
+//! steps, and more of them make it worse. A hat function for each such vertex is exact, has one entry, and costs one
+//! column.
 
 use super::domain::Domain;
 use crate::operator::EigenProblem;
 use chladni_algebra::SparseMatrix;
 use chladni_base::parallel::*;
 
-/// A vertex becomes a column where the square of its longest edge exceeds this many cells' areas. Measured on animals of 5,000 vertices:
-/// with 1 a fifth less error for three times as many columns.
+/// A vertex becomes a column where the square of its longest edge exceeds this many cells' areas. Measured on animals
+/// of 5,000 vertices: with 1 a fifth less error for three times as many columns.
 const LONGEST_EDGE: f64 = 2.0;
 
-/// A vertex becomes a column where its entry on the diagonal of the stiffness, which is about 4 on fair triangles, exceeds this: beside a
-/// needle functions must follow its sides more exactly than smooth columns can.
+/// A vertex becomes a column where its entry on the diagonal of the stiffness, which is about 4 on fair triangles,
+/// exceeds this: beside a needle functions must follow its sides more exactly than smooth columns can.
 pub(super) const STIFFEST: f64 = 1e4;
 
-/// A column that keeps less than this share of its square sum is dropped: what is left of it is nearly dependent on its neighbours.
+/// A column that keeps less than this share of its square sum is dropped: what is left of it is nearly dependent on its
+/// neighbours.
 const KEPT: f64 = 0.1;
 
 /// A row whose entries cancel to less than this share of their size gets a column of its own.
@@ -49,8 +51,8 @@ pub(super) fn has_long_edges(domain: Domain<'_>, area: f64, dimension: usize) ->
     domain.longest_edges().iter().any(|square| square / (LONGEST_EDGE * cell) > 1.0)
 }
 
-/// The rows in which most of a density sits, with their neighbours: enough for all but `left` of it, at most `most`. `None` where so many
-/// hold less than half: what is missing is no matter of a few vertices.
+/// The rows in which most of a density sits, with their neighbours: enough for all but `left` of it, at most `most`.
+/// `None` where so many hold less than half: what is missing is no matter of a few vertices.
 pub(super) fn where_it_sits(density: &[f64], graph: &SparseMatrix, left: f64, most: usize) -> Option<Vec<bool>> {
     let total: f64 = density.iter().map(|x| x.max(0.0)).sum();
     let mut order: Vec<usize> = (0..density.len()).filter(|&row| density[row] > 0.0).collect();
@@ -72,8 +74,8 @@ pub(super) fn where_it_sits(density: &[f64], graph: &SparseMatrix, left: f64, mo
     (total > 0.0 && held >= 0.5 * total).then_some(chosen)
 }
 
-/// `space` with a column of its own for each chosen row, after the others; such a row has no other entry. Columns of which hardly anything
-/// is left are dropped, and the other rows keep their sums.
+/// `space` with a column of its own for each chosen row, after the others; such a row has no other entry. Columns of
+/// which hardly anything is left are dropped, and the other rows keep their sums.
 pub(super) fn with_hats(space: &SparseMatrix<f32>, chosen: &[bool]) -> SparseMatrix<f32> {
     let (n, d) = (space.rows(), space.columns());
     let (mut whole, mut left) = (vec![0f64; d], vec![0f64; d]);

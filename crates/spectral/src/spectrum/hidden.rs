@@ -1,8 +1,9 @@
 //! Eigenfunctions that a space does not know of at all.
 //!
-//! One that lives on a limb which the columns are too coarse for may have its Ritz value a third too high, beyond all pairs that are computed: every
-//! estimate is small, and every pair above it is one place too low. An inertia count says so. Where such functions live is seen from random
-//! functions, damped above the shift: what the space does not hold of them is little but where it lacks an eigenfunction.
+//! One that lives on a limb which the columns are too coarse for may have its Ritz value a third too high, beyond all
+//! pairs that are computed: every estimate is small, and every pair above it is one place too low. An inertia count
+//! says so. Where such functions live is seen from random functions, damped above the shift: what the space does not
+//! hold of them is little but where it lacks an eigenfunction.
 
 use super::approximate::ApproximationError;
 use super::shifted::ShiftedPencil;
@@ -15,7 +16,8 @@ use chladni_base::{Monitor, SplitMix64};
 /// Estimates may be wrong by this factor before they make a count ambiguous.
 const DOUBT: f64 = 3.0;
 
-/// Random functions are multiplied by `(μ / (λ + μ))` so often, μ the shift: 64 times less at the shift, 2,000 at two and a half times that.
+/// Random functions are multiplied by `(μ / (λ + μ))` so often, μ the shift: 64 times less at the shift, 2,000 at two
+/// and a half times that.
 const DAMPINGS: usize = 6;
 
 /// What a space lacks.
@@ -23,12 +25,13 @@ const DAMPINGS: usize = 6;
 pub(super) struct Hidden {
     /// Exact eigenvalues below the shift, less the Ritz values that stand for one.
     pub count: usize,
-    /// Where their energy sits that the space does not hold, one number a row; nothing where that could not be computed.
+    /// Where their energy sits that the space does not hold, one number a row; nothing where that could not be
+    /// computed.
     pub density: Option<Vec<f64>>,
 }
 
-/// Where to count: the shift, and how many eigenvalues may lie below it if none is hidden. `ritz` ascends, `errors` are estimates, the last of
-/// `count` pairs is to lie below the shift.
+/// Where to count: the shift, and how many eigenvalues may lie below it if none is hidden. `ritz` ascends, `errors` are
+/// estimates, the last of `count` pairs is to lie below the shift.
 fn place(ritz: &[f64], errors: &[f64], count: usize) -> Option<(f64, usize)> {
     let last = count.checked_sub(1)?;
     let most = ritz.len().min(errors.len()).checked_sub(1)?;
@@ -41,9 +44,9 @@ fn place(ritz: &[f64], errors: &[f64], count: usize) -> Option<(f64, usize)> {
     Some((shift, expected))
 }
 
-/// Counts the eigenvalues below about the last of `count` pairs. Nothing where no more are there than the Ritz values `ritz` with their estimated
-/// `errors` stand for, or where no count can be trusted; else what `space`, whose restricted mass matrix is `reduced`, lacks. `floor` is a lower
-/// bound on the eigenvalues.
+/// Counts the eigenvalues below about the last of `count` pairs. Nothing where no more are there than the Ritz values
+/// `ritz` with their estimated `errors` stand for, or where no count can be trusted; else what `space`, whose
+/// restricted mass matrix is `reduced`, lacks. `floor` is a lower bound on the eigenvalues.
 ///
 /// # Errors
 /// [`ApproximationError::Cancelled`]. A matrix that cannot be factored gives no count: the pairs are no worse for it.

@@ -34,8 +34,8 @@ fn body_with_limb() -> EigenProblem {
     }
 }
 
-/// What a space that holds every function of the body, and those of the limb that are constant on runs of `run` vertices, lacks below the `count`-th
-/// of its Ritz values.
+/// What a space that holds every function of the body, and those of the limb that are constant on runs of `run`
+/// vertices, lacks below the `count`-th of its Ritz values.
 fn lacked(run: usize, count: usize) -> Option<Hidden> {
     let problem = body_with_limb();
     let n = problem.size();

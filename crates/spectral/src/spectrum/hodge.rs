@@ -1,9 +1,10 @@
 //! The exact spectrum of the Hodge–Laplacian on tangential fields, by the scalar route.
 //!
-//! With a conforming divergence and a non-conforming curl the eigenfields are, and this is no approximation: the harmonic fields, at 0; the gradients
-//! `G u` of the hat-function eigenfunctions, at their eigenvalues; the co-gradients `J G* v` of the Crouzeix–Raviart eigenfunctions, at
-//! theirs (see [`crate::operator::hodge`]). Two scalar problems with three entries a row and more are solved instead of one of thirteen
-//! blocks a row, and their certificates prove the union complete.
+//! With a conforming divergence and a non-conforming curl the eigenfields are, and this is no approximation: the
+//! harmonic fields, at 0; the gradients `G u` of the hat-function eigenfunctions, at their eigenvalues; the
+//! co-gradients `J G* v` of the Crouzeix–Raviart eigenfunctions, at theirs (see [`crate::operator::hodge`]). Two scalar
+//! problems with three entries a row and more are solved instead of one of thirteen blocks a row, and their
+//! certificates prove the union complete.
 
 mod part;
 mod settle;
@@ -43,7 +44,8 @@ pub struct HodgeSpectrum {
     pub fields: PanelMatrix,
     /// Where each comes from.
     pub parts: Vec<FieldPart>,
-    /// Per field `‖S x − θ M x‖ / ‖S x‖` for the Hodge–Laplacian; 0 for harmonic fields, whose `S x` vanishes but for rounding.
+    /// Per field `‖S x − θ M x‖ / ‖S x‖` for the Hodge–Laplacian; 0 for harmonic fields, whose `S x` vanishes but for
+    /// rounding.
     pub residuals: Vec<f64>,
     /// Per field a bound on the distance of an exact eigenvalue, in 1/length² of the input.
     pub bounds: Vec<f64>,
@@ -51,17 +53,20 @@ pub struct HodgeSpectrum {
     pub orthonormality_defect: f64,
     /// Whether inertia counts prove both parts complete.
     pub complete: bool,
-    /// Those counts, of gradients and of co-gradients: eigenvalues of the two scalar problems, their kernels among them.
+    /// Those counts, of gradients and of co-gradients: eigenvalues of the two scalar problems, their kernels among
+    /// them.
     pub inertia: [Vec<InertiaCount>; 2],
     /// The levels of both iterations.
     pub levels: Vec<LevelReport>,
 }
 
-/// Computes the lowest `count` eigenfields of a surface; at its boundary, if it has one, fields run along it or across it. `harmonic` are its harmonic
-/// fields of the same boundary, `2F` numbers each, orthonormal on unit area; they count among the eigenfields.
+/// Computes the lowest `count` eigenfields of a surface; at its boundary, if it has one, fields run along it or across
+/// it. `harmonic` are its harmonic fields of the same boundary, `2F` numbers each, orthonormal on unit area; they count
+/// among the eigenfields.
 ///
-/// Tolerance and seed are those of `parameters`. The tolerance is that of the fields: a gradient weighs what is left of its function by frequency, so
-/// that the scalar problems are solved to less than it, and once more where that was not enough.
+/// Tolerance and seed are those of `parameters`. The tolerance is that of the fields: a gradient weighs what is left of
+/// its function by frequency, so that the scalar problems are solved to less than it, and once more where that was not
+/// enough.
 ///
 /// # Errors
 /// [`HsimError`]: more fields than there are, pairs that do not converge, cancellation; [`HsimError::Parameter`] for fields that vanish at the boundary,
@@ -160,8 +165,8 @@ fn spectrum_of_scalars(
         let of = usize::from(kind == FieldPart::CoGradient);
         let (part, pairs) = &parts[of];
         let u = pairs.vectors.column(k);
-        // The norm of a gradient is √λ, which does not depend on scale. The frames are those of unit area, in which a gradient of the input is √area
-        // times as large.
+        // The norm of a gradient is √λ, which does not depend on scale. The frames are those of unit area, in which a
+        // gradient of the input is √area times as large.
         let scale = 1.0 / (value.max(f64::MIN_POSITIVE) * area).sqrt();
         for f in 0..faces {
             let [x, y] = part.gradient(&u, f).map(|x| x / frames.areas()[f]);

@@ -96,8 +96,8 @@ fn the_union_of_the_scalar_spectra_is_that_of_the_assembled_operator() {
     }
 }
 
-/// A needle at the boundary, of a ten-millionth of the area of its neighbours: what is left of a field there is next to nothing, and most of its
-/// residual.
+/// A needle at the boundary, of a ten-millionth of the area of its neighbours: what is left of a field there is next to
+/// nothing, and most of its residual.
 #[test]
 fn fields_meet_their_tolerance_on_a_needle_at_the_boundary() {
     let mut mesh = generate(Shape::Disk, 300).unwrap();

@@ -1,17 +1,19 @@
 //! Enclosures of approximate eigenvalues, index by index: one inertia count and the bounds of Lehmann and Goerisch.
 //!
-//! Ritz values lie above the eigenvalues of their index. For bounds from below let at most `k` eigenvalues lie below a pole `ρ`, and let `V` be Ritz
-//! vectors with values `Θ` below it. With `A = S + (c + σ) M`, hats for values plus `c + σ`, the operator `A⁻¹M` has the eigenvalues `1 / λ̂`, and
-//! Lehmann's bounds on those next to `1 / ρ̂` need `(MV)ᵀA⁻¹(MV)`, which is known up to `G ⪰ RᵀA⁻¹R`, `R` the residuals. What remains is a symmetric
-//! matrix: with `D = ρ̂ − Θ̂` and `VᵀMV = I`, `VᵀAV = Θ̂`, the eigenvalues `κ₁ ≤ κ₂ ≤ …` of
+//! Ritz values lie above the eigenvalues of their index. For bounds from below let at most `k` eigenvalues lie below a
+//! pole `ρ`, and let `V` be Ritz vectors with values `Θ` below it. With `A = S + (c + σ) M`, hats for values plus
+//! `c + σ`, the operator `A⁻¹M` has the eigenvalues `1 / λ̂`, and Lehmann's bounds on those next to `1 / ρ̂` need
+//! `(MV)ᵀA⁻¹(MV)`, which is known up to `G ⪰ RᵀA⁻¹R`, `R` the residuals. What remains is a symmetric matrix: with
+//! `D = ρ̂ − Θ̂` and `VᵀMV = I`, `VᵀAV = Θ̂`, the eigenvalues `κ₁ ≤ κ₂ ≤ …` of
 //!
 //! ```text
 //! Θ̂⁻¹ + ρ̂ Θ̂⁻¹ D^-½ G D^-½ Θ̂⁻¹
 //! ```
 //!
-//! give `λ̂_{k+1−j} ≥ 1 / κⱼ` (Goerisch and He, 1990; Behnke and Goerisch, 1994). The lower bound of a pair is a pole for those below it, so one
-//! count is enough for any number of pairs. Where more eigenvalues were counted than Ritz values lie below the pole, the indices shift by the
-//! difference: bounds hold, and are wider. That `VᵀMV` and `VᵀAV` are diagonal up to rounding alone is part of the bound.
+//! give `λ̂_{k+1−j} ≥ 1 / κⱼ` (Goerisch and He, 1990; Behnke and Goerisch, 1994). The lower bound of a pair is a pole
+//! for those below it, so one count is enough for any number of pairs. Where more eigenvalues were counted than Ritz
+//! values lie below the pole, the indices shift by the difference: bounds hold, and are wider. That `VᵀMV` and `VᵀAV`
+//! are diagonal up to rounding alone is part of the bound.
 
 use chladni_base::parallel::*;
 use std::ops::Range;
@@ -48,7 +50,8 @@ const LARGEST_BOUND: f64 = 0.5;
 /// Where the largest bound that cycles lead to exceeds this share of its value, a factor takes their place.
 const WIDE: f64 = 0.1;
 
-/// A count that rounding makes uncertain by more than this share of its shift proves nothing of pairs that are next to each other.
+/// A count that rounding makes uncertain by more than this share of its shift proves nothing of pairs that are next to
+/// each other.
 const LARGEST_RADIUS: f64 = 1e-3;
 
 /// What is proven.
@@ -69,7 +72,8 @@ pub(super) fn guards(count: usize) -> usize {
 /// Encloses the lowest `count` pairs of `ritz`. `estimates` are of their errors, on unit area.
 ///
 /// # Errors
-/// [`ApproximationError::Unproven`] where no count can be trusted or a pair has no bound, [`ApproximationError::Cancelled`].
+/// [`ApproximationError::Unproven`] where no count can be trusted or a pair has no bound,
+/// [`ApproximationError::Cancelled`].
 pub(super) fn enclose(
     energy: &Energy<'_>,
     problem: &EigenProblem,
@@ -125,8 +129,8 @@ pub(super) fn enclose(
     Ok(Enclosed { shift, below, bounds: found })
 }
 
-/// A pole behind the last pair, and those below that put indices right: where more eigenvalues were counted than Ritz values lie below, the pairs
-/// below the one that is missing have bounds of their own index only from a pole below it.
+/// A pole behind the last pair, and those below that put indices right: where more eigenvalues were counted than Ritz
+/// values lie below, the pairs below the one that is missing have bounds of their own index only from a pole below it.
 fn poles(
     pencil: &ShiftedPencil,
     values: &[f64],
@@ -182,7 +186,8 @@ fn require_meaning(values: &[f64], bounds: &[f64]) -> Result<(), ApproximationEr
     Err(ApproximationError::Unproven { reason })
 }
 
-/// Shifts in the widest gaps behind the values of some indices, those first. Where there is no gap, one behind the last of them.
+/// Shifts in the widest gaps behind the values of some indices, those first. Where there is no gap, one behind the last
+/// of them.
 fn gaps(values: &[f64], estimates: &[f64], places: Range<usize>) -> Vec<f64> {
     let size = |k: usize| values[k].abs().max(KERNEL);
     let gap = |k: usize| (values[k + 1] - DOUBT * estimates[k + 1] - values[k]) / size(k);
@@ -196,8 +201,8 @@ fn gaps(values: &[f64], estimates: &[f64], places: Range<usize>) -> Vec<f64> {
     wide.into_iter().map(|k| values[k] + 0.75 * gap(k) * size(k)).collect()
 }
 
-/// A shift behind one of some values, how many eigenvalues lie below, and how uncertain that is: the first of a few where no more lie below than
-/// values, if there is one.
+/// A shift behind one of some values, how many eigenvalues lie below, and how uncertain that is: the first of a few
+/// where no more lie below than values, if there is one.
 fn anchor(
     pencil: &ShiftedPencil,
     values: &[f64],
@@ -224,8 +229,8 @@ fn anchor(
     Ok(found)
 }
 
-/// Lower bounds of the eigenvalues of the lowest indices, from a pole below which at most so many lie; that of the whole operator where there is
-/// none.
+/// Lower bounds of the eigenvalues of the lowest indices, from a pole below which at most so many lie; that of the
+/// whole operator where there is none.
 #[expect(clippy::too_many_arguments, reason = "pairs in three parts, and where they are enclosed")]
 fn lower_bounds(
     energy: &Energy<'_>,
@@ -271,11 +276,12 @@ fn lower_bounds(
     }
 }
 
-/// What rounding may have done to the row of a pair: it takes the first off `D / ρ̂`, and adds the second to what is divided by it.
+/// What rounding may have done to the row of a pair: it takes the first off `D / ρ̂`, and adds the second to what is
+/// divided by it.
 type Rounding = (f64, f64);
 
-/// `1 / κⱼ`, from the one next to the pole downward: what `λ̂` of the `j`-th eigenvalue below the pole is at least. Nothing where rounding leaves
-/// nothing of a distance to the pole.
+/// `1 / κⱼ`, from the one next to the pole downward: what `λ̂` of the `j`-th eigenvalue below the pole is at least.
+/// Nothing where rounding leaves nothing of a distance to the pole.
 fn goerisch(
     hats: &[f64],
     pole: f64,
@@ -315,7 +321,8 @@ struct Deviation {
 }
 
 impl Deviation {
-    /// Of the restricted matrices, and of what rounding has done to them: the magnitudes that their entries are sums of, times the number of terms.
+    /// Of the restricted matrices, and of what rounding has done to them: the magnitudes that their entries are sums
+    /// of, times the number of terms.
     fn new(
         problem: &EigenProblem,
         ritz: &Ritz,
@@ -376,7 +383,8 @@ impl Deviation {
         Ok(Self { mass, energy })
     }
 
-    /// Upper bounds of the eigenvalues of the lowest indices: the Ritz values, and what the deviation of the pairs up to there adds.
+    /// Upper bounds of the eigenvalues of the lowest indices: the Ritz values, and what the deviation of the pairs up
+    /// to there adds.
     fn upper_bounds(&self, values: &[f64], offset: f64) -> Vec<f64> {
         let (mut of_mass, mut of_energy) = (0.0, 0.0);
         let mut bounds = Vec::with_capacity(values.len());

@@ -23,8 +23,8 @@ fn exact(problem: &EigenProblem, count: usize) -> Vec<f64> {
     pairs.unwrap().values
 }
 
-/// Encloses `count` pairs in a space of `dimension` columns, in windows of so many pairs, and holds them against the exact values. The mean and the
-/// largest bound, in percent.
+/// Encloses `count` pairs in a space of `dimension` columns, in windows of so many pairs, and holds them against the
+/// exact values. The mean and the largest bound, in percent.
 fn hold(mesh: &TriangleMesh, operator: &MeshOperator, count: usize, dimension: usize, window: usize) -> (f64, f64) {
     hold_by(mesh, operator, count, dimension, window, false)
 }

@@ -1,4 +1,5 @@
-//! Local functions around centres on any graph: radial, with a cubic profile, in the connected parts of balls in space or by another distance.
+//! Local functions around centres on any graph: radial, with a cubic profile, in the connected parts of balls in space
+//! or by another distance.
 
 use chladni_algebra::SparseMatrix;
 use chladni_base::SplitMix64;
@@ -27,8 +28,8 @@ pub(super) trait Search: Send {
     fn around(&mut self, centre: u32) -> &[(u32, f64)];
 }
 
-/// Rows such that every row lies within `radius` of one, on the connected part of the ball around it; ascending, so that neighbours have
-/// close numbers where those of the graph have.
+/// Rows such that every row lies within `radius` of one, on the connected part of the ball around it; ascending, so
+/// that neighbours have close numbers where those of the graph have.
 pub(super) fn centres(
     graph: &impl Places,
     radius: f64,

@@ -1,7 +1,8 @@
 //! HSIM on operators of no surface: solids and graphs.
 //!
-//! The hierarchy of [`hsim`] takes samples of a surface by area. Here its space comes from the graph of the stiffness with a length for each
-//! edge, so that it serves any dimension: functions around well spread rows that fall off with the distance along edges.
+//! The hierarchy of [`hsim`] takes samples of a surface by area. Here its space comes from the graph of the stiffness
+//! with a length for each edge, so that it serves any dimension: functions around well spread rows that fall off with
+//! the distance along edges.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -27,7 +28,8 @@ pub enum Places<'a> {
     Nowhere,
 }
 
-/// Computes the lowest eigenpairs of an operator whose rows lie in no surface, proven complete. Stages as [`hsim::solve`].
+/// Computes the lowest eigenpairs of an operator whose rows lie in no surface, proven complete. Stages as
+/// [`hsim::solve`].
 ///
 /// # Errors
 /// [`HsimError`], as [`hsim::solve`]; a variant other than ours, or a bound instead of a count.
@@ -67,7 +69,8 @@ pub fn solve(
     Ok(pairs)
 }
 
-/// Functions of a start for so many columns: so few that they are solved with densely, and no level is sampled below them.
+/// Functions of a start for so many columns: so few that they are solved with densely, and no level is sampled below
+/// them.
 fn dimension(columns: usize) -> usize {
     (3 * columns).max(600).min(columns + 1500)
 }

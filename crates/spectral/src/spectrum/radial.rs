@@ -15,8 +15,8 @@ use chladni_mesh::distance::{DistanceGeometry, DistanceKind, DistanceWorkspace};
 use chladni_mesh::measure::{surface_area, vertex_areas};
 use chladni_mesh::sample::{farthest_points, poisson_disk, sort_spatially, well_spread_points};
 
-/// The weight of a vertex by its distance from the sample, as a share of the support radius (appendix 2.A). All are 1 at the
-/// sample.
+/// The weight of a vertex by its distance from the sample, as a share of the support radius (appendix 2.A). All are 1
+/// at the sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
@@ -85,8 +85,8 @@ pub enum RadialError {
     },
 }
 
-/// The support radius `√(σ·area/(π d))`: a disk of this radius holds `σ` of `d` evenly spread samples (`numerics`, 2.2). In the
-/// units of `√area`.
+/// The support radius `√(σ·area/(π d))`: a disk of this radius holds `σ` of `d` evenly spread samples (`numerics`,
+/// 2.2). In the units of `√area`.
 pub fn support_radius(area: f64, sigma: f64, dimension: usize) -> f64 {
     (sigma * area / (std::f64::consts::PI * dimension as f64)).sqrt()
 }
@@ -132,8 +132,8 @@ impl Default for RadialParameters {
     }
 }
 
-/// The thesis' subspace: `dimension` samples and the [`columns`] around them. It has fewer columns than `dimension` only where the
-/// mesh has fewer vertices, and more where vertices had to be covered.
+/// The thesis' subspace: `dimension` samples and the [`columns`] around them. It has fewer columns than `dimension`
+/// only where the mesh has fewer vertices, and more where vertices had to be covered.
 ///
 /// Reports the stages `sampling` and `basis`.
 ///
@@ -167,13 +167,15 @@ const SHRINK: f32 = 1.5;
 /// How often supports may shrink.
 const SHRINK_ROUNDS: usize = 4;
 
-/// A sample is crowded when its share of its own vertex is less than this divided by σ. Evenly spread samples have about 3.3/σ.
+/// A sample is crowded when its share of its own vertex is less than this divided by σ. Evenly spread samples have
+/// about 3.3/σ.
 const CROWDED: f64 = 1.2;
 
 /// Vertices outside all supports are few where they are at most this part of the samples.
 const FEW_OUTSIDE: usize = 4;
 
-/// A wide function holds the nearest vertices: so many times the vertices outside over the samples, and at least so many.
+/// A wide function holds the nearest vertices: so many times the vertices outside over the samples, and at least so
+/// many.
 const WIDE: usize = 8;
 const LEAST_WIDE: usize = 12;
 
@@ -182,10 +184,12 @@ pub fn most_columns(samples: usize) -> usize {
     samples + samples / 2
 }
 
-/// The function of a vertex that can reach few others is all but constant on them: its radius is so many times the distance to the farthest.
+/// The function of a vertex that can reach few others is all but constant on them: its radius is so many times the
+/// distance to the farthest.
 const BEYOND: f64 = 1e3;
 
-/// A radius, along edges, within which so many vertices lie around one; far beyond all that can be reached where they are fewer.
+/// A radius, along edges, within which so many vertices lie around one; far beyond all that can be reached where they
+/// are fewer.
 fn nearest(connectivity: &Connectivity, vertex: u32, vertices: usize) -> f64 {
     let mut known = HashMap::from([(vertex, 0.0)]);
     let mut queue = BinaryHeap::from([Reverse((0f64.to_bits(), vertex))]);
@@ -215,10 +219,11 @@ fn nearest(connectivity: &Connectivity, vertex: u32, vertices: usize) -> f64 {
 
 /// The columns of `U` around `samples`: `n × d`, each row non-negative with sum 1, and no row empty.
 ///
-/// Column `j` is the profile of the distance from sample `j`, over the support radius that follows from `sigma` and the area of the mesh; where
-/// samples crowd, their supports are shrunk until each keeps a fair share of its own vertex, so that columns stay independent. Vertices that lie in
-/// no support become samples themselves, in ascending order after the given ones, so `d ≥ samples.len()`; where they are many, each of their
-/// functions holds several of them, and there are at most [`most_columns`].
+/// Column `j` is the profile of the distance from sample `j`, over the support radius that follows from `sigma` and the
+/// area of the mesh; where samples crowd, their supports are shrunk until each keeps a fair share of its own vertex, so
+/// that columns stay independent. Vertices that lie in no support become samples themselves, in ascending order after
+/// the given ones, so `d ≥ samples.len()`; where they are many, each of their functions holds several of them, and
+/// there are at most [`most_columns`].
 ///
 /// # Errors
 /// [`RadialError`] for samples that are not vertices, for a mesh without vertices, samples or area, and when cancelled.
@@ -262,7 +267,8 @@ fn radius(mesh: &TriangleMesh, connectivity: &Connectivity, samples: &[u32], sig
     if has_radius || is_empty { Ok(radius) } else { Err(RadialError::Radius { sigma, area }) }
 }
 
-/// [`columns`] with supports of a given radius, which holds about `sigma` samples: for what is no surface. Of `mesh`, the distance along edges needs no more than the positions.
+/// [`columns`] with supports of a given radius, which holds about `sigma` samples: for what is no surface. Of `mesh`,
+/// the distance along edges needs no more than the positions.
 ///
 /// # Errors
 /// As [`columns`].
@@ -401,9 +407,10 @@ impl Supports<'_> {
 
     /// Gives vertices outside all supports functions, until there is none.
     ///
-    /// Where few are outside, as at the end of a limb, each becomes a sample. Where many are, area says nothing of how far apart vertices lie: a
-    /// surface squashed to a line has none, and each of its vertices would be a column. There a function holds several of the nearest vertices. Where
-    /// that does not suffice either, as on thousands of spikes, the rest joins the function of the nearest centre: see [`most_columns`].
+    /// Where few are outside, as at the end of a limb, each becomes a sample. Where many are, area says nothing of how
+    /// far apart vertices lie: a surface squashed to a line has none, and each of its vertices would be a column. There
+    /// a function holds several of the nearest vertices. Where that does not suffice either, as on thousands of spikes,
+    /// the rest joins the function of the nearest centre: see [`most_columns`].
     fn cover(&mut self, connectivity: &Connectivity, radius: f64, monitor: &dyn Monitor) -> Result<(), Cancelled> {
         let samples = self.centres.len();
         let outside = self.covered.iter().filter(|covered| !covered.load(Ordering::Relaxed)).count();
@@ -440,7 +447,8 @@ impl Supports<'_> {
         Ok(())
     }
 
-    /// Puts each vertex that is in no column into that of the nearest centre along edges; a component without a centre becomes a column.
+    /// Puts each vertex that is in no column into that of the nearest centre along edges; a component without a centre
+    /// becomes a column.
     fn join_nearest(&mut self, connectivity: &Connectivity) {
         let mut bare = vec![true; self.covered.len()];
         self.columns.iter().flatten().for_each(|&(v, _)| bare[v as usize] = false);
@@ -474,8 +482,8 @@ impl Supports<'_> {
     /// Turns columns into rows that sum to 1.
     fn into_rows(self) -> SparseMatrix<f32> {
         let (n, dimension) = (self.covered.len(), self.columns.len());
-        // Each thread counts and places the entries of a range of columns. Ranges follow each other in every row, so rows come
-        // out in order, and the result does not depend on how many there are.
+        // Each thread counts and places the entries of a range of columns. Ranges follow each other in every row, so
+        // rows come out in order, and the result does not depend on how many there are.
         let ranges = rayon::current_num_threads().min(RANGES_MAX);
         let ranges: Vec<(usize, &[Column])> = {
             let length = dimension.div_ceil(ranges).max(1);

@@ -1,7 +1,7 @@
 //! Refinement of an approximation: one step of subspace iteration on the mesh, where the compact form is not needed.
 //!
-//! The approximate eigenfunctions are lifted, a filter damps what they hold of higher eigenfunctions, and a Rayleigh–Ritz over all of
-//! them gives the new pairs. The result is dense: `n` numbers for every pair.
+//! The approximate eigenfunctions are lifted, a filter damps what they hold of higher eigenfunctions, and a
+//! Rayleigh–Ritz over all of them gives the new pairs. The result is dense: `n` numbers for every pair.
 
 use chladni_algebra::{
     DenseMatrix, FactorError, MassMatrix, Ordering, PANEL_WIDTH, PanelMatrix, SparseMatrix, SymbolicFactor,
@@ -85,14 +85,14 @@ pub struct Refined {
     pub accuracy: Option<AccuracyReport>,
 }
 
-/// Approximates the lowest `count` pairs as [`approximate`](super::approximate) does, as finely as the goal asks for, lifts and refines them. Stages:
-/// those of the approximation, then `refine` and `bounds`.
+/// Approximates the lowest `count` pairs as [`approximate`](super::approximate) does, as finely as the goal asks for,
+/// lifts and refines them. Stages: those of the approximation, then `refine` and `bounds`.
 ///
-/// A Ritz value is an upper bound of the eigenvalue of its index, so that the smaller is the better: where a filter makes one larger, the approximation
-/// is kept, and the monitor gets a note.
+/// A Ritz value is an upper bound of the eigenvalue of its index, so that the smaller is the better: where a filter
+/// makes one larger, the approximation is kept, and the monitor gets a note.
 ///
-/// Eigenvalues and bounds are in the units of the input, eigenvectors orthonormal for the mass of the input, with zeros at vertices that
-/// are no unknowns. Nothing is counted by inertia: no pair proves to be missing or there.
+/// Eigenvalues and bounds are in the units of the input, eigenvectors orthonormal for the mass of the input, with zeros
+/// at vertices that are no unknowns. Nothing is counted by inertia: no pair proves to be missing or there.
 ///
 /// # Errors
 /// [`ApproximationError`], as the approximation; a filter that does not fit, or a factorisation that fails.
@@ -229,8 +229,9 @@ fn not_factored(error: FactorError) -> ApproximationError {
     }
 }
 
-/// Inverse iterations `X ← (K + σM)⁻¹ M X`, of which there is one at least. After each of them `after` is given their number, the columns, and the
-/// shift `σ > 0`; it gives columns to go on with, and whether they are enough. The last columns come with what eigenvalues can be counted by.
+/// Inverse iterations `X ← (K + σM)⁻¹ M X`, of which there is one at least. After each of them `after` is given their
+/// number, the columns, and the shift `σ > 0`; it gives columns to go on with, and whether they are enough. The last
+/// columns come with what eigenvalues can be counted by.
 pub(super) fn inverse_iterations_until<E: From<ApproximationError> + From<Cancelled> + Send>(
     problem: &EigenProblem,
     mut vectors: PanelMatrix,
@@ -288,9 +289,9 @@ fn scatter(panel: &[f64], order: &[u32], out: &mut [f64]) {
 /// The largest eigenvalue of the filter, as a multiple of what Gershgorin's theorem makes of the median row.
 const STIFFEST: f64 = 4.0;
 
-/// The lumped mass that a filter divides by, and a bound on the eigenvalues then (Gershgorin). The few rows that are far stiffer than the
-/// median, at short edges, are given more mass: they would stretch the interval that the polynomial must keep small, ten times and
-/// more on real meshes, while on smooth functions they hardly act.
+/// The lumped mass that a filter divides by, and a bound on the eigenvalues then (Gershgorin). The few rows that are
+/// far stiffer than the median, at short edges, are given more mass: they would stretch the interval that the
+/// polynomial must keep small, ten times and more on real meshes, while on smooth functions they hardly act.
 fn filter_mass(problem: &EigenProblem) -> (Vec<f64>, f64) {
     let mut mass = problem.mass.lumped();
     let sums: Vec<f64> = (0..problem.size())
@@ -306,8 +307,8 @@ fn filter_mass(problem: &EigenProblem) -> (Vec<f64>, f64) {
     (mass, most)
 }
 
-/// A Chebyshev polynomial of `M⁻¹K` that is small from the highest Ritz value to the largest eigenvalue and grows below (Zhou and Saad
-/// 2007).
+/// A Chebyshev polynomial of `M⁻¹K` that is small from the highest Ritz value to the largest eigenvalue and grows below
+/// (Zhou and Saad 2007).
 fn chebyshev(
     problem: &EigenProblem,
     mut vectors: PanelMatrix,

@@ -40,7 +40,8 @@ impl ShiftedPencil {
         self.symbolic.factor(&self.stiffness, &self.mass, shift).map_err(failed)
     }
 
-    /// How many eigenvalues were counted below a shift, and how far from it an eigenvalue may lie that rounding has put on the other side.
+    /// How many eigenvalues were counted below a shift, and how far from it an eigenvalue may lie that rounding has put
+    /// on the other side.
     ///
     /// # Errors
     /// As [`factor`](Self::factor).

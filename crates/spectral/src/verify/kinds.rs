@@ -11,9 +11,10 @@ use crate::operator::MeshOperator;
 use crate::operator::elastic::ElasticProblem;
 use crate::operator::hodge::{FieldBoundary, hodge_problem};
 
-/// Judges eigenfields by the Hodge–Laplacian on the faces, two numbers each in the frame of the face, with the areas of the faces as its mass: that
-/// of both divergence and curl, from which eigenfields are not computed. Counts of the certificate are of two problems
-/// of functions; one is made here of that of fields, in a gap. Stages: `operator`, `residuals`, `orthonormality`, `count`.
+/// Judges eigenfields by the Hodge–Laplacian on the faces, two numbers each in the frame of the face, with the areas of
+/// the faces as its mass: that of both divergence and curl, from which eigenfields are not computed. Counts of the
+/// certificate are of two problems of functions; one is made here of that of fields, in a gap. Stages: `operator`,
+/// `residuals`, `orthonormality`, `count`.
 ///
 /// # Errors
 /// [`VerifyError`]: functions that cannot be read, or cancellation. Whatever is wrong with the fields is a [`Finding`].
@@ -36,8 +37,8 @@ pub fn verify_fields(
 /// The orthonormality of modes that are stored in single precision, which nobody states.
 const ORTHONORMALITY: f64 = 1e-6;
 
-/// Judges modes by the elastic problem, which is assembled anew from the object that they are said to be of. Residuals are relative to `‖K x‖`;
-/// nobody claims those of modes. Stages: `residuals`, `orthonormality`, `count`.
+/// Judges modes by the elastic problem, which is assembled anew from the object that they are said to be of. Residuals
+/// are relative to `‖K x‖`; nobody claims those of modes. Stages: `residuals`, `orthonormality`, `count`.
 ///
 /// # Errors
 /// [`VerifyError`]: cancellation. Whatever is wrong with the modes is a [`Finding`].

@@ -17,7 +17,8 @@ fn bisected(count: usize, (least, most): (f64, f64), below: impl Fn(f64) -> usiz
     (0..count).map(value).collect()
 }
 
-/// One value far below the rest, which a dense row makes, or several at very different depths: a shift between them and the rest is near nothing.
+/// One value far below the rest, which a dense row makes, or several at very different depths: a shift between them and
+/// the rest is near nothing.
 #[test]
 fn values_far_below_all_others_do_not_keep_those_from_converging() {
     let mut random = SplitMix64::new(11);
@@ -57,7 +58,8 @@ fn values_far_below_all_others_do_not_keep_those_from_converging() {
     }
 }
 
-/// Deep wells, and terms of low rank: as many values far below all others as among them, or more, whatever their own spread is.
+/// Deep wells, and terms of low rank: as many values far below all others as among them, or more, whatever their own
+/// spread is.
 #[test]
 fn as_many_values_far_below_all_others_as_are_wanted_among_them_are_no_obstacle() {
     let n = 1600;
@@ -115,7 +117,8 @@ fn as_many_values_far_below_all_others_as_are_wanted_among_them_are_no_obstacle(
     }
 }
 
-/// Unknowns that are fixed by a penalty, as is common, are those of a smaller problem up to its inverse, and what is wanted is as exact as without it.
+/// Unknowns that are fixed by a penalty, as is common, are those of a smaller problem up to its inverse, and what is
+/// wanted is as exact as without it.
 #[test]
 fn penalties_on_some_unknowns_cost_no_digits_of_the_others() {
     let n = 40 * 30;

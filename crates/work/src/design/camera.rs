@@ -7,7 +7,8 @@ use serde::Deserialize;
 use super::DesignFault;
 use super::request::refused;
 
-/// Where a picture is seen from, in the units of the mesh. Without `eye` it is fitted to the mesh, seen from a direction.
+/// Where a picture is seen from, in the units of the mesh. Without `eye` it is fitted to the mesh, seen from a
+/// direction.
 #[derive(Debug, Clone, Copy, Default, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
@@ -20,8 +21,8 @@ pub struct CameraRequest {
     #[serde(default)]
     #[cfg_attr(feature = "schema", schema(min_items = 3, max_items = 3))]
     pub target: Option<[f64; 3]>,
-    /// In place of `eye` and `target`: from the mesh to the eye, which is so far away that all of the mesh is seen. `[0.4, 0.3, 1]` where it is left
-    /// out.
+    /// In place of `eye` and `target`: from the mesh to the eye, which is so far away that all of the mesh is seen.
+    /// `[0.4, 0.3, 1]` where it is left out.
     #[serde(default)]
     #[cfg_attr(feature = "schema", schema(min_items = 3, max_items = 3))]
     pub from: Option<[f64; 3]>,

@@ -14,11 +14,11 @@ use crate::table::Table;
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct DecompositionRequest {
-    /// The field, a row for each face: two columns are numbers in the frame of the face, three a vector in ℝ³, whose part across the face is left
-    /// out.
+    /// The field, a row for each face: two columns are numbers in the frame of the face, three a vector in ℝ³, whose
+    /// part across the face is left out.
     pub field: Table,
-    /// Which potentials vanish at a boundary: those of co-gradients (`tangential`: co-gradients and harmonic fields run along it), or those of
-    /// gradients (`normal`: gradients and harmonic fields run across it).
+    /// Which potentials vanish at a boundary: those of co-gradients (`tangential`: co-gradients and harmonic fields run
+    /// along it), or those of gradients (`normal`: gradients and harmonic fields run across it).
     #[serde(default)]
     pub boundary: FieldBoundary,
 }
@@ -39,8 +39,8 @@ pub struct DecompositionAnswer {
     pub cogradient: Vec<f64>,
     /// What is left, without either: of the harmonic fields of handles and holes.
     pub harmonic: Vec<f64>,
-    /// The function on the vertices whose gradient is `gradient`, in the units of the field times those of the mesh; its mean on each component is 0
-    /// where no boundary holds it.
+    /// The function on the vertices whose gradient is `gradient`, in the units of the field times those of the mesh;
+    /// its mean on each component is 0 where no boundary holds it.
     pub potential: Vec<f64>,
     /// The squared length of gradient, co-gradient and harmonic part, as shares of that of the field (norms by area).
     pub shares: [f64; 3],

@@ -16,8 +16,8 @@ pub enum FacesRequest {
     List(Vec<u32>),
 }
 
-/// Faces that are spread evenly over a surface, the same in every request: each as far as possible from those before it, so that the first of many
-/// are the sample of few.
+/// Faces that are spread evenly over a surface, the same in every request: each as far as possible from those before
+/// it, so that the first of many are the sample of few.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]

@@ -57,7 +57,8 @@ pub enum DesignFault {
 }
 
 impl DesignFault {
-    /// Whether the space of a basis has too few dimensions for what it has to be, which a field of the whole surface may be.
+    /// Whether the space of a basis has too few dimensions for what it has to be, which a field of the whole surface
+    /// may be.
     pub fn lacks_freedom(&self) -> bool {
         matches!(self, Self::Design(DesignError::Dependent { .. }) | Self::Request { within: "dependent", .. })
     }

@@ -14,13 +14,14 @@ pub enum Form {
     /// In ℝ³. A vector: x, y, z. n-vectors: the first of them. A tensor: xx, yy, zz, xy, xz, yz.
     #[default]
     World,
-    /// As it is stored: two numbers in the frame of the face (of n-vectors the representation, whose angle is n times theirs), or a₁₁, a₂₂, √2 a₁₂ of
-    /// a tensor.
+    /// As it is stored: two numbers in the frame of the face (of n-vectors the representation, whose angle is n times
+    /// theirs), or a₁₁, a₂₂, √2 a₁₂ of a tensor.
     Frames,
-    /// All n vectors in ℝ³, one after the other; of a tensor the two unit eigendirections, of the larger eigenvalue first, each times its eigenvalue.
+    /// All n vectors in ℝ³, one after the other; of a tensor the two unit eigendirections, of the larger eigenvalue
+    /// first, each times its eigenvalue.
     Roots,
-    /// Of a tensor both eigenvalues, the larger first, and the unit direction of the larger in ℝ³: five numbers. Of vectors and n-vectors their
-    /// length and the unit direction of the first: four numbers.
+    /// Of a tensor both eigenvalues, the larger first, and the unit direction of the larger in ℝ³: five numbers. Of
+    /// vectors and n-vectors their length and the unit direction of the first: four numbers.
     Axes,
 }
 

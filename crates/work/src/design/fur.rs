@@ -54,7 +54,8 @@ pub struct FurRequest {
     /// How much further strands lean at their tip than at their root, in radians: 0.5 where it is left out.
     #[serde(default)]
     pub bend: Option<f64>,
-    /// How much they fall towards `down`, 0.15 where it is left out: 1 turns the tip of a strand that stands across as much downwards as it grows.
+    /// How much they fall towards `down`, 0.15 where it is left out: 1 turns the tip of a strand that stands across as
+    /// much downwards as it grows.
     #[serde(default)]
     pub gravity: Option<f64>,
     /// Downwards: `[0, -1, 0]` where it is left out.
@@ -95,7 +96,8 @@ pub struct HairRequest {
     #[serde(default)]
     #[cfg_attr(feature = "schema", schema(min_items = 3, max_items = 3))]
     pub light: Option<[f64; 3]>,
-    /// The width of strands at their root, in the units of the mesh: as much as covers the surface where it is left out.
+    /// The width of strands at their root, in the units of the mesh: as much as covers the surface where it is left
+    /// out.
     #[serde(default)]
     pub thickness: Option<f64>,
 }
@@ -237,7 +239,8 @@ impl FurRequest {
     /// A picture of a coat, as PNG.
     ///
     /// # Errors
-    /// [`DesignFault::Request`] where the camera sees nothing, or more than 4,194,304 pixels; [`DesignFault::Cancelled`].
+    /// [`DesignFault::Request`] where the camera sees nothing, or more than 4,194,304 pixels;
+    /// [`DesignFault::Cancelled`].
     pub fn picture(&self, setting: &Setting, coat: &Coat, monitor: &dyn Monitor) -> Result<Vec<u8>, DesignFault> {
         let surface = &setting.surface.surface;
         let camera = self.camera.unwrap_or_default();

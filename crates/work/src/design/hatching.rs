@@ -32,8 +32,8 @@ const BYTES_PER_PIXEL: u64 = 8;
 pub struct HatchingRequest {
     /// `{"design": …}`, `{"coefficients": […]}`, `{"eigenfield": k}` or `{"stored": id}`.
     pub field: FieldSource,
-    /// The distance between lines, in units of the square root of the surface's area: of lines 0.01 where it is left out, of drawings four widths of
-    /// the pen.
+    /// The distance between lines, in units of the square root of the surface's area: of lines 0.01 where it is left
+    /// out, of drawings four widths of the pen.
     #[serde(default)]
     pub spacing: Option<f64>,
     /// Shorter lines are left out, in multiples of the spacing.
@@ -42,8 +42,8 @@ pub struct HatchingRequest {
     /// Lines at most.
     #[cfg_attr(feature = "schema", schema(default = 100_000))]
     pub most_lines: Option<usize>,
-    /// Levels of lines, each at half the distance of the one before, the last at the spacing: of drawings with a tone 3 where it is left out,
-    /// otherwise 1.
+    /// Levels of lines, each at half the distance of the one before, the last at the spacing: of drawings with a tone 3
+    /// where it is left out, otherwise 1.
     #[serde(default)]
     #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 6))]
     pub levels: Option<u32>,
@@ -91,8 +91,8 @@ pub struct ToneRequest {
     #[serde(default)]
     #[cfg_attr(feature = "schema", schema(default = 0.8))]
     pub highlight: Option<f64>,
-    /// The darkness, from 0 to 1, from which on lines are crossed by those of another direction, of 2-fields and vectors by lines across them; 1 and
-    /// more: never.
+    /// The darkness, from 0 to 1, from which on lines are crossed by those of another direction, of 2-fields and
+    /// vectors by lines across them; 1 and more: never.
     #[serde(default)]
     #[cfg_attr(feature = "schema", schema(default = 0.55))]
     pub cross: Option<f64>,
@@ -142,10 +142,12 @@ impl From<Streamline> for Line {
 }
 
 impl HatchingRequest {
-    /// Lays lines along a lifted field. What belongs to drawings alone is checked as well: a request that no drawing is made of is wrong as it stands.
+    /// Lays lines along a lifted field. What belongs to drawings alone is checked as well: a request that no drawing is
+    /// made of is wrong as it stands.
     ///
     /// # Errors
-    /// As [`check`](Self::check), and that the camera sees nothing; [`DesignFault::Lines`] names the parameter; [`DesignFault::Cancelled`] where the monitor ends it.
+    /// As [`check`](Self::check), and that the camera sees nothing; [`DesignFault::Lines`] names the parameter;
+    /// [`DesignFault::Cancelled`] where the monitor ends it.
     pub fn lines(
         &self,
         setting: &Setting,

@@ -26,12 +26,12 @@ pub struct QuadsRequest {
     pub field: CrossSource,
     /// The length between grid lines in the units of the mesh; without it, a thirtieth of the root of the area.
     pub spacing: Option<f64>,
-    /// Whether grid lines meet across the cut: singular vertices lie on crossings of them, and translations across the cut are whole. Without it the
-    /// parametrisation is seamless alone, which costs one solve.
+    /// Whether grid lines meet across the cut: singular vertices lie on crossings of them, and translations across the
+    /// cut are whole. Without it the parametrisation is seamless alone, which costs one solve.
     #[serde(default)]
     pub integers: bool,
-    /// From how many degrees between the normals of its faces on an edge is to lie on a grid line, where the field runs along it; null for none.
-    /// Boundaries are as `field` says, or are followed.
+    /// From how many degrees between the normals of its faces on an edge is to lie on a grid line, where the field runs
+    /// along it; null for none. Boundaries are as `field` says, or are followed.
     #[serde(default = "sharp")]
     #[cfg_attr(feature = "schema", schema(default = 35.0, minimum = 0.0, maximum = 180.0))]
     pub creases: Option<f64>,
@@ -60,12 +60,14 @@ fn yes() -> bool {
 pub enum CrossSource {
     /// The smoothest one of all that follow creases and boundaries.
     Aligned(CrossRequest),
-    /// A table with a row for each face: a direction of the cross, three numbers in ℝ³, or its representation in the frame of the face, two numbers
-    /// whose angle is four times that of the directions.
+    /// A table with a row for each face: a direction of the cross, three numbers in ℝ³, or its representation in the
+    /// frame of the face, two numbers whose angle is four times that of the directions.
     Table(Table),
-    /// A field of a basis: of 4-vectors, or of what has directions to be completed to crosses, vectors, 2-vectors and tensors.
+    /// A field of a basis: of 4-vectors, or of what has directions to be completed to crosses, vectors, 2-vectors and
+    /// tensors.
     Basis(BasisField),
-    /// The id of a stored field on the same mesh: a saved design of what `basis` may be of, or an upload of what `table` has.
+    /// The id of a stored field on the same mesh: a saved design of what `basis` may be of, or an upload of what
+    /// `table` has.
     Stored(String),
 }
 
@@ -91,7 +93,8 @@ pub struct BasisField {
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct CrossRequest {
-    /// From how many degrees between the normals of its faces on an edge is a crease, which the field runs along on both sides; null for none.
+    /// From how many degrees between the normals of its faces on an edge is a crease, which the field runs along on
+    /// both sides; null for none.
     #[serde(default = "sharp")]
     #[cfg_attr(feature = "schema", schema(default = 35.0, minimum = 0.0, maximum = 180.0))]
     pub creases: Option<f64>,
@@ -99,12 +102,14 @@ pub struct CrossRequest {
     #[serde(default = "yes")]
     #[cfg_attr(feature = "schema", schema(default = true))]
     pub boundary: bool,
-    /// Whether faces with several creases at no right angles are split at their barycentres, so that each part follows one of them: without it such a
-    /// face follows the longest. Whatever is answered is then of the mesh with these parts, which files have in the place of the kept one.
+    /// Whether faces with several creases at no right angles are split at their barycentres, so that each part follows
+    /// one of them: without it such a face follows the longest. Whatever is answered is then of the mesh with these
+    /// parts, which files have in the place of the kept one.
     #[serde(default)]
     #[cfg_attr(feature = "schema", schema(default = false))]
     pub split: bool,
-    /// The weight of the distance to the principal directions of curvature, on the surface of unit area: from a hundred on they are followed closely.
+    /// The weight of the distance to the principal directions of curvature, on the surface of unit area: from a hundred
+    /// on they are followed closely.
     #[serde(default)]
     #[cfg_attr(feature = "schema", schema(minimum = 0.0))]
     pub curvature: f64,
@@ -125,20 +130,24 @@ impl Default for CrossRequest {
 pub struct QuadsAnswer {
     /// For each face the coordinates `u`, `v` of its three corners, six numbers; whole numbers are grid lines.
     pub coordinates: Table,
-    /// For each face one of its four directions in ℝ³, along which `u` grows; the same one from face to face, but across the cut.
+    /// For each face one of its four directions in ℝ³, along which `u` grows; the same one from face to face, but
+    /// across the cut.
     pub directions: Table,
-    /// The cut: for each of its edges, its two vertices and the quarter turns by which the directions of the second face are further than those of
-    /// the first.
+    /// The cut: for each of its edges, its two vertices and the quarter turns by which the directions of the second
+    /// face are further than those of the first.
     pub cut: Vec<CutEdge>,
     /// The singular vertices.
     pub singularities: Vec<SingularVertex>,
     /// Faces that are turned over in the coordinates.
     pub inverted: Vec<u32>,
-    /// The root of the mean square, by area, of how far the gradients of the coordinates are from the directions, where 1 is the length of those.
+    /// The root of the mean square, by area, of how far the gradients of the coordinates are from the directions, where
+    /// 1 is the length of those.
     pub deviation: f64,
-    /// By how many degrees the field misses the creases and boundaries that it was to follow: the mean by length, and the most.
+    /// By how many degrees the field misses the creases and boundaries that it was to follow: the mean by length, and
+    /// the most.
     pub crease_error: Option<[f64; 2]>,
-    /// With `integers`, how far the worst of the whole numbers is from one: beyond rounding errors, they contradict each other.
+    /// With `integers`, how far the worst of the whole numbers is from one: beyond rounding errors, they contradict
+    /// each other.
     pub misfit: Option<f64>,
     /// The length between grid lines: half of what was asked for where `integers` can be had only so.
     pub spacing: f64,
@@ -405,7 +414,8 @@ impl Quads {
     /// The answer in the numbering of the file.
     ///
     /// # Errors
-    /// [`DesignFault::Request`] where its faces have other corners, or were split and are not numbered as those that are kept.
+    /// [`DesignFault::Request`] where its faces have other corners, or were split and are not numbered as those that
+    /// are kept.
     pub fn answer(&self, surface: &FieldSurface, to: &Translation) -> Result<QuadsAnswer, DesignFault> {
         Self::in_numbering_of(to)?;
         if !self.split.is_empty() && !to.is_identity() {

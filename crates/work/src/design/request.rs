@@ -16,7 +16,8 @@ const MOST_WEIGHT: f64 = 1e12;
 /// The most constraints of one design: they make a dense system of their own size.
 pub const MOST_CONSTRAINTS: usize = 2000;
 
-/// What field is wanted. A front-end sends the whole of it again whenever a stroke moves: what does not change costs nothing.
+/// What field is wanted. A front-end sends the whole of it again whenever a stroke moves: what does not change costs
+/// nothing.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
@@ -34,16 +35,17 @@ pub struct DesignRequest {
     pub alignment: Option<AlignmentRequest>,
     /// Where the field is to be singular, and how strongly that is wanted.
     pub singularities: Option<SingularitiesRequest>,
-    /// Which fields the design is the one of least energy of: by default all fields of the surface where there is memory for two sparse factors of it,
-    /// else those of the space of the basis.
+    /// Which fields the design is the one of least energy of: by default all fields of the surface where there is
+    /// memory for two sparse factors of it, else those of the space of the basis.
     #[serde(default)]
     pub space: DesignSpace,
-    /// Whether to estimate how far the field is from that of least energy among all fields of the surface, as a share of its length. Where that field
-    /// is the answer, JSON tells in any case how far the field of the coefficients is from it.
+    /// Whether to estimate how far the field is from that of least energy among all fields of the surface, as a share
+    /// of its length. Where that field is the answer, JSON tells in any case how far the field of the coefficients is
+    /// from it.
     #[serde(default)]
     pub error: bool,
-    /// Asks for the field of least energy among all fields of the surface itself, in place of that in the space of the basis: to this relative
-    /// tolerance, from 1e-10 to below 1.
+    /// Asks for the field of least energy among all fields of the surface itself, in place of that in the space of the
+    /// basis: to this relative tolerance, from 1e-10 to below 1.
     #[cfg_attr(feature = "schema", schema(minimum = 1e-10, maximum = 1.0))]
     pub refine: Option<f64>,
     /// The faces that the field is told of; without it, all.
@@ -55,7 +57,8 @@ pub struct DesignRequest {
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum DesignSpace {
-    /// `surface` where there is memory for factors, else `basis`, and so beside prescribed singularities or the full biharmonic energy.
+    /// `surface` where there is memory for factors, else `basis`, and so beside prescribed singularities or the full
+    /// biharmonic energy.
     #[default]
     Auto,
     /// The fields of the space of the basis: fast on every surface, and off by what the space does not resolve.
@@ -73,13 +76,14 @@ pub struct Weights {
     #[serde(default = "one")]
     #[cfg_attr(feature = "schema", schema(default = 1.0, minimum = 0.0))]
     pub harmonic: f64,
-    /// Of the biharmonic energy, without which a field has no value at a point: with 0 the answer to strokes and constraints on single faces depends
-    /// on how fine the mesh is, and in the space of the basis on its dimension. By default a twentieth of `harmonic`.
+    /// Of the biharmonic energy, without which a field has no value at a point: with 0 the answer to strokes and
+    /// constraints on single faces depends on how fine the mesh is, and in the space of the basis on its dimension. By
+    /// default a twentieth of `harmonic`.
     #[cfg_attr(feature = "schema", schema(minimum = 0.0))]
     pub biharmonic: Option<f64>,
-    /// Which biharmonic energy: that of the projected Laplacian, which fields of the space can make small, or the full (unreduced) one of the whole
-    /// mesh restricted to the space, which sees the noise of its columns. The second is for comparison; every choice of weights costs a
-    /// factorisation.
+    /// Which biharmonic energy: that of the projected Laplacian, which fields of the space can make small, or the full
+    /// (unreduced) one of the whole mesh restricted to the space, which sees the noise of its columns. The second is
+    /// for comparison; every choice of weights costs a factorisation.
     #[serde(default)]
     pub biharmonic_energy: BiharmonicEnergy,
 }
@@ -119,8 +123,9 @@ impl Default for Weights {
     }
 }
 
-/// A soft constraint: one `face` or `point` with a value, or `points`, a line whose own direction the field is to follow. A value is a
-/// `direction` in ℝ³ or a `frame_direction`; for tensors a `direction` with `values`, or a `tensor`.
+/// A soft constraint: one `face` or `point` with a value, or `points`, a line whose own direction the field is to
+/// follow. A value is a `direction` in ℝ³ or a `frame_direction`; for tensors a `direction` with `values`, or a
+/// `tensor`.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
@@ -144,8 +149,9 @@ pub struct Stroke {
     /// A symmetric tensor in the frame of the face: a₁₁, a₂₂, a₁₂.
     #[cfg_attr(feature = "schema", schema(min_items = 3, max_items = 3))]
     pub tensor: Option<[f64; 3]>,
-    /// How firmly the stroke holds, against what the field resists with there: alone, a stroke of strength `s` on one face misses the share
-    /// `1 / (1 + 100 s)` of its length. 1 is met to a percent, 0.1 to a tenth, on every surface, at every scale and with all weights of the energies.
+    /// How firmly the stroke holds, against what the field resists with there: alone, a stroke of strength `s` on one
+    /// face misses the share `1 / (1 + 100 s)` of its length. 1 is met to a percent, 0.1 to a tenth, on every surface,
+    /// at every scale and with all weights of the energies.
     #[cfg_attr(feature = "schema", schema(default = 1.0))]
     pub strength: Option<f64>,
 }
@@ -179,13 +185,13 @@ pub struct Pin {
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct AlignmentRequest {
-    /// `curvature`, or a table with a row for each face: three columns are vectors in ℝ³, otherwise the numbers that are stored in a face; or the id
-    /// of a stored field.
+    /// `curvature`, or a table with a row for each face: three columns are vectors in ℝ³, otherwise the numbers that
+    /// are stored in a face; or the id of a stored field.
     pub to: Target,
     /// The weight of the squared deviation.
     pub weight: f64,
-    /// A weight for each face, itself or by the id of a stored field, or `anisotropy`: how clearly the principal directions differ, from 0 to 1.
-    /// Without it all faces count alike.
+    /// A weight for each face, itself or by the id of a stored field, or `anisotropy`: how clearly the principal
+    /// directions differ, from 0 to 1. Without it all faces count alike.
     #[serde(default)]
     pub per_face: Option<PerFace>,
 }
@@ -213,7 +219,8 @@ word_or!(
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum NamedTarget {
-    /// The principal directions of curvature, for n-fields with even n; the curvature tensors themselves for tensor fields.
+    /// The principal directions of curvature, for n-fields with even n; the curvature tensors themselves for tensor
+    /// fields.
     Curvature,
 }
 
@@ -247,7 +254,8 @@ pub enum NamedWeights {
     Anisotropy,
 }
 
-/// Prescribed singularities: the smoothest field of unit length that has these and no others is what the design stays close to.
+/// Prescribed singularities: the smoothest field of unit length that has these and no others is what the design stays
+/// close to.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
@@ -258,8 +266,9 @@ pub struct SingularitiesRequest {
     #[serde(default = "hundred")]
     #[cfg_attr(feature = "schema", schema(default = 100.0))]
     pub weight: f64,
-    /// Whether the field itself is wanted: of length 1 everywhere, not of the space, with exactly these singularities, on each component turned to
-    /// fit the strokes there. Coefficients and energies are those of the design that stays close to it.
+    /// Whether the field itself is wanted: of length 1 everywhere, not of the space, with exactly these singularities,
+    /// on each component turned to fit the strokes there. Coefficients and energies are those of the design that stays
+    /// close to it.
     #[serde(default)]
     pub exact: bool,
 }

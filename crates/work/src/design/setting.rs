@@ -1,4 +1,5 @@
-//! From a request to a field, in steps: what a service keeps between requests is the result of a step, the last is one small solve.
+//! From a request to a field, in steps: what a service keeps between requests is the result of a step, the last is one
+//! small solve.
 
 use std::sync::{Arc, OnceLock};
 
@@ -95,9 +96,11 @@ pub struct Designed {
     pub constraints: Vec<Constraint>,
     /// The field of exactly the prescribed singularities, where it is wanted; residuals are then its own.
     pub exact: Option<ExactField>,
-    /// The field of least energy among all fields of the surface, where it is wanted; energies and residuals of the design are then its own.
+    /// The field of least energy among all fields of the surface, where it is wanted; energies and residuals of the
+    /// design are then its own.
     pub refined: Option<Vec<f32>>,
-    /// How far the field of the coefficients is from that one, as a share of its length; an estimate where it is not wanted itself.
+    /// How far the field of the coefficients is from that one, as a share of its length; an estimate where it is not
+    /// wanted itself.
     pub error: Option<f64>,
 }
 
@@ -165,7 +168,8 @@ impl Setting {
         Self { operations, ..self }
     }
 
-    /// Whether factors of the whole surface are expected to fit, so that a design is one among all its fields where nobody says otherwise.
+    /// Whether factors of the whole surface are expected to fit, so that a design is one among all its fields where
+    /// nobody says otherwise.
     pub fn has_room(&self) -> bool {
         self.surface.surface.faces() <= most_factored_faces(self.kind(), self.room)
     }
@@ -175,7 +179,8 @@ impl Setting {
         self.fields.basis.kind
     }
 
-    /// What design takes place in: eigenpairs, or the restricted matrices where the space is too large for a dense eigenproblem.
+    /// What design takes place in: eigenpairs, or the restricted matrices where the space is too large for a dense
+    /// eigenproblem.
     pub fn model(&self) -> DesignModel {
         let ritz = self.fields.ritz.clone();
         let model = ritz.and_then(|ritz| DesignModel::from_ritz(self.kind(), ritz));
@@ -185,7 +190,8 @@ impl Setting {
     /// The model whose biharmonic energy is that of the whole mesh, with about the bytes that it takes.
     ///
     /// # Errors
-    /// [`DesignFault::Field`], [`DesignFault::Request`] where the basis does not say which boundary condition it was made with.
+    /// [`DesignFault::Field`], [`DesignFault::Request`] where the basis does not say which boundary condition it was
+    /// made with.
     pub fn full_energy_model(&self, monitor: &dyn Monitor) -> Result<(DesignModel, u64), DesignFault> {
         // Another boundary condition would be another energy: it has to be known, not guessed.
         let boundary = Provenance::read(&self.fields.metadata)
@@ -255,7 +261,8 @@ impl Setting {
     ) -> Result<Designed, DesignFault> {
         self.enough_freedom(&constraints)?;
         let design = solve(weighted, &self.fields.basis, &constraints)?;
-        // More hard constraints in one place than the space has freedom there come out as small errors everywhere: a promise that is not kept.
+        // More hard constraints in one place than the space has freedom there come out as small errors everywhere: a
+        // promise that is not kept.
         let length = |c: &Constraint| c.value.iter().map(|x| x * x).sum::<f64>().sqrt();
         let share = |(c, residual): (&Constraint, &f64)| match c.hold {
             Hold::Exact => (residual / length(c).max(1e-3), c.face),
@@ -328,8 +335,8 @@ impl Setting {
         Ok((full, bytes))
     }
 
-    /// The field that a request asks for, where `full` are all fields of the surface if [`DesignRequest::needs_full_space`]. Without `coefficients`
-    /// those are missing where they take time of their own.
+    /// The field that a request asks for, where `full` are all fields of the surface if
+    /// [`DesignRequest::needs_full_space`]. Without `coefficients` those are missing where they take time of their own.
     ///
     /// # Errors
     /// [`DesignFault`].
@@ -368,8 +375,8 @@ impl Setting {
         Ok(designed)
     }
 
-    /// The field of the surface under constraints that the space of the basis has too few dimensions for; the surface has more. `None` where factors do
-    /// not give it.
+    /// The field of the surface under constraints that the space of the basis has too few dimensions for; the surface
+    /// has more. `None` where factors do not give it.
     ///
     /// # Errors
     /// [`DesignFault::Refine`].
@@ -407,11 +414,13 @@ impl Setting {
         Ok(Some(designed))
     }
 
-    /// The [`answer`](Self::answer) where time is limited, which `limited` tells: where that is over and nobody insists on the field of the surface, nor
-    /// asks how far that of the basis is from it, that of the basis, which is there at once.
+    /// The [`answer`](Self::answer) where time is limited, which `limited` tells: where that is over and nobody insists
+    /// on the field of the surface, nor asks how far that of the basis is from it, that of the basis, which is there at
+    /// once.
     ///
     /// # Errors
-    /// Those of [`answer`](Self::answer): cancellation, where `monitor` says so, or where time is over and the field of the basis will not do.
+    /// Those of [`answer`](Self::answer): cancellation, where `monitor` says so, or where time is over and the field of
+    /// the basis will not do.
     pub fn answer_within(
         &self,
         full: Option<&FullSpace>,
@@ -429,7 +438,8 @@ impl Setting {
         }
     }
 
-    /// Whether the answer is one of all fields of the surface: where nobody insists, only if factors are there or are soon made.
+    /// Whether the answer is one of all fields of the surface: where nobody insists, only if factors are there or are
+    /// soon made.
     fn is_of_surface(&self, full: &FullSpace, request: &DesignRequest) -> bool {
         let soon = || full.is_factored() && full.operations_of_making() <= self.operations;
         request.is_of_surface(self.has_room()) && (request.must_be_of_surface() || soon())
@@ -519,7 +529,8 @@ impl Setting {
         }
     }
 
-    /// What was designed with the field of exactly the prescribed singularities, where [`Goal::exact`] says that it is wanted.
+    /// What was designed with the field of exactly the prescribed singularities, where [`Goal::exact`] says that it is
+    /// wanted.
     pub fn exactly(&self, wanted: Option<Arc<Prescription>>, mut designed: Designed) -> Designed {
         if let Some(prescription) = wanted {
             let (field, matching) = prescription.exact(&self.surface.surface, &designed.constraints);

@@ -50,7 +50,8 @@ impl TryFrom<Sources> for FieldSource {
 }
 
 impl FieldSource {
-    /// The coefficients that are given, or those of an eigenfield; `None` where a field is to be designed, or is stored.
+    /// The coefficients that are given, or those of an eigenfield; `None` where a field is to be designed, or is
+    /// stored.
     ///
     /// # Errors
     /// [`DesignFault::Request`] names what does not fit the basis.

@@ -16,7 +16,8 @@ use crate::table::{Table, some_numbers};
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct StoredField {
-    /// The id: that of an upload (`POST /v1/meshes/{id}/fields`) or of a saved design (`POST /v1/bases/{id}/designs`) on the same mesh.
+    /// The id: that of an upload (`POST /v1/meshes/{id}/fields`) or of a saved design (`POST /v1/bases/{id}/designs`)
+    /// on the same mesh.
     #[cfg_attr(feature = "schema", schema(example = "5c1f7e0a93b84d6f8e21a7b0c4d95f36"))]
     pub stored: String,
 }
@@ -62,7 +63,8 @@ impl TryFrom<Members> for FieldTable {
 /// What a server keeps of a field.
 #[derive(Debug, Clone)]
 pub struct KeptField {
-    /// What its numbers are, where it was designed; they are then those that are stored in a face. Of an upload nobody knows but who names it.
+    /// What its numbers are, where it was designed; they are then those that are stored in a face. Of an upload nobody
+    /// knows but who names it.
     pub kind: Option<FieldKind>,
     /// Numbers for each face.
     pub columns: usize,
@@ -85,8 +87,8 @@ pub(super) fn nowhere(place: &str) -> DesignFault {
 }
 
 impl KeptField {
-    /// Its numbers as the basis stores them. Fields of fewer directions are fields of more where the one number divides the other; of the three
-    /// columns of an upload, vectors in ℝ³ are meant unless the basis is of tensors.
+    /// Its numbers as the basis stores them. Fields of fewer directions are fields of more where the one number divides
+    /// the other; of the three columns of an upload, vectors in ℝ³ are meant unless the basis is of tensors.
     ///
     /// # Errors
     /// [`DesignFault::Request`] says what does not fit.

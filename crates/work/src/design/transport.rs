@@ -13,7 +13,8 @@ use super::{DesignFault, Surface};
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct TransportRequest {
-    /// The vectors: each with a `face` or a `point`, and a `direction` or a `frame_direction` whose length is carried as well.
+    /// The vectors: each with a `face` or a `point`, and a `direction` or a `frame_direction` whose length is carried
+    /// as well.
     pub sources: Vec<Pin>,
 }
 

@@ -23,7 +23,8 @@ use crate::{JobError, ParameterError};
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Construction {
-    /// Radial bumps, smoothed by implicit heat steps: about twenty times more accurate than `radial` at the same storage.
+    /// Radial bumps, smoothed by implicit heat steps: about twenty times more accurate than `radial` at the same
+    /// storage.
     #[default]
     Heat,
     /// The thesis' construction: radial bumps of geodesic distance, normalised to a partition of unity.
@@ -40,8 +41,8 @@ pub enum Accuracy {
     Standard,
     /// A space of d = 3m with less thinning, and a goal of 0.3 %.
     Accurate,
-    /// The largest relative error of an eigenvalue, as estimated, that is good enough: 1e-4 to 0.5. Where it is exceeded, columns are
-    /// added a few times.
+    /// The largest relative error of an eigenvalue, as estimated, that is good enough: 1e-4 to 0.5. Where it is
+    /// exceeded, columns are added a few times.
     Goal(f64),
 }
 
@@ -196,7 +197,8 @@ impl Approximate {
     /// The same in a solid: rows have so many more entries, and a factor fills in further.
     pub fn memory_bytes_in_solid(&self, vertices: u64) -> u64 {
         let panels = panels_at_once(vertices, self.count as u64);
-        // Two spaces of 130 entries a row where surfaces have 25 or 50, one of them with its panels; a pencil on unit volume; a hierarchy of twice the entries a row.
+        // Two spaces of 130 entries a row where surfaces have 25 or 50, one of them with its panels; a pencil on unit
+        // volume; a hierarchy of twice the entries a row.
         let wider = vertices * (3 * 130 * 8 + 15 * 20 + 260 + 800 * panels);
         let factor = if self.certify || matches!(self.refinement, Some((Refinement::InverseIteration, _))) {
             factor_bytes_in_solid(vertices)
@@ -207,8 +209,8 @@ impl Approximate {
         self.memory_bytes(vertices) + self.bytes_of_one_piece(vertices) + wider + factor
     }
 
-    /// An estimate of the memory that the work needs beside mesh and operator, in bytes: the basis per vertex, the dense problem per
-    /// dimension, as far as that may grow.
+    /// An estimate of the memory that the work needs beside mesh and operator, in bytes: the basis per vertex, the
+    /// dense problem per dimension, as far as that may grow.
     pub fn memory_bytes(&self, vertices: u64) -> u64 {
         let (d, m) = ((self.dimension as u64).min(vertices), self.count as u64);
         // Vertices may be columns of their own from the beginning; and columns are added where a goal is missed.

@@ -17,8 +17,9 @@ const SECONDS: f64 = 1.0;
 /// The same in solids, where columns cost more as well: up to here the exact method is the faster one.
 const SECONDS_IN_SOLID: f64 = 15.0;
 
-/// What misses its goal by the approximation is computed exactly where that needs no more memory than this: what an ordinary machine has to spare.
-/// Beyond, the exact method is one to be asked for, and the approximation says by how much it misses.
+/// What misses its goal by the approximation is computed exactly where that needs no more memory than this: what an
+/// ordinary machine has to spare. Beyond, the exact method is one to be asked for, and the approximation says by how
+/// much it misses.
 const MOST_BYTES: u64 = 8 << 30;
 
 /// Both methods with their defaults; which one runs is decided by the size of the mesh.
@@ -59,8 +60,8 @@ impl Auto {
         bytes <= MOST_BYTES
     }
 
-    /// Computes the basis, and by which method. `exact` does so by the exact method, and needs so many bytes: one that misses its goal by the
-    /// approximation is computed exactly, unless that would need too much memory.
+    /// Computes the basis, and by which method. `exact` does so by the exact method, and needs so many bytes: one that
+    /// misses its goal by the approximation is computed exactly, unless that would need too much memory.
     ///
     /// # Errors
     /// [`JobError`]: as the methods.
@@ -122,7 +123,8 @@ mod tests {
     #[test]
     fn a_basis_that_needed_a_surer_method_says_so() {
         let mesh = generate(Shape::Torus, 3_000).unwrap();
-        // So many pairs are approximated at first, and no approximation meets this goal; fewer are exact from the beginning.
+        // So many pairs are approximated at first, and no approximation meets this goal; fewer are exact from the
+        // beginning.
         for (count, expected) in [(700, true), (60, false)] {
             let mut parameters = EigenbasisParameters::parse(&json!({"count": count})).unwrap();
             let Method::Auto(auto) = &mut parameters.method else { panic!("not the method auto") };

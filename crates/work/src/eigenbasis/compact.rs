@@ -14,7 +14,8 @@ use crate::JobError;
 /// The largest mesh whose hat functions stand in for a space that a solver did without; the system in them is dense.
 const LARGEST_IDENTITY: usize = 5000;
 
-/// The space of all hat functions, which holds every function as it is: for meshes so small that a solver needs no hierarchy.
+/// The space of all hat functions, which holds every function as it is: for meshes so small that a solver needs no
+/// hierarchy.
 pub(super) fn all_functions(vertices: usize) -> Option<SparseMatrix<f32>> {
     let (offsets, indices) = ((0..=vertices).collect(), (0..vertices as u32).collect());
     (vertices <= LARGEST_IDENTITY)
@@ -30,8 +31,8 @@ pub(super) struct Projected {
     pub defect: f64,
 }
 
-/// The nearest functions `U c` to the columns `x`, `c = (UᵀMU)⁻¹UᵀMx`, made orthonormal again from the first on, and how far they
-/// are.
+/// The nearest functions `U c` to the columns `x`, `c = (UᵀMU)⁻¹UᵀMx`, made orthonormal again from the first on, and
+/// how far they are.
 pub(super) fn project(
     vectors: &PanelMatrix,
     space: SparseMatrix<f32>,

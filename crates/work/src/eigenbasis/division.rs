@@ -70,7 +70,8 @@ impl<'de> Deserialize<'de> for Parts {
 }
 
 impl Parts {
-    /// Checks the number against its bounds, and against the pairs where their number is known. `None` where the job stays whole.
+    /// Checks the number against its bounds, and against the pairs where their number is known. `None` where the job
+    /// stays whole.
     ///
     /// # Errors
     /// [`ParameterError::Value`] says what is out of bounds.

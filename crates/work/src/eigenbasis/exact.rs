@@ -151,10 +151,11 @@ impl Exact {
 
     /// An estimate of the memory that the work needs beside mesh and operator, in bytes.
     ///
-    /// The factor of a mesh of `n` vertices has about `4.7 n log₂ n` nonzeros (2.5 million at 41 thousand, 9.7 at 134, 60 at 655), of which two are
-    /// held, with their indices, where two threads work at two shifts. Of the `q` columns that are iterated on, in double precision, two and a half
-    /// copies were measured, beside a few `q × q` matrices, the finest space of the hierarchy, and the result. What an iteration does not settle is
-    /// left to a dense solve, where that is small.
+    /// The factor of a mesh of `n` vertices has about `4.7 n log₂ n` nonzeros (2.5 million at 41 thousand, 9.7 at 134,
+    /// 60 at 655), of which two are held, with their indices, where two threads work at two shifts. Of the `q` columns
+    /// that are iterated on, in double precision, two and a half copies were measured, beside a few `q × q` matrices,
+    /// the finest space of the hierarchy, and the result. What an iteration does not settle is left to a dense solve,
+    /// where that is small.
     pub fn memory_bytes(&self, vertices: u64) -> u64 {
         let n = vertices.max(2);
         let p = (self.most_pairs() as u64).min(n);
@@ -195,7 +196,8 @@ impl Exact {
         let problem = &operator.problem;
         let pairs = match (compact, parameters.wanted, parameters.variant) {
             (true, Wanted::Count(count), Variant::Sliced) => {
-                // Smoothed functions hold eigenfunctions four times as well as those that only have to start an iteration.
+                // Smoothed functions hold eigenfunctions four times as well as those that only have to start an
+                // iteration.
                 let functions = ApproximationParameters {
                     count: count.min(problem.size()),
                     dimension: compact_dimension(count, problem.size()),
@@ -229,7 +231,8 @@ impl Exact {
         self.stored(pairs, operator, monitor)
     }
 
-    /// What was found as it is stored, with its residuals as they are then. Where nobody asked for single precision, it has to keep the tolerance.
+    /// What was found as it is stored, with its residuals as they are then. Where nobody asked for single precision, it
+    /// has to keep the tolerance.
     pub(super) fn stored(
         &self,
         pairs: Eigenpairs,
@@ -287,8 +290,8 @@ impl Exact {
     }
 }
 
-/// The residuals (4.6) of columns that are rounded to single precision; those of a kernel remain what they are in double precision. Values are in the
-/// units of the input.
+/// The residuals (4.6) of columns that are rounded to single precision; those of a kernel remain what they are in
+/// double precision. Values are in the units of the input.
 pub(super) fn residuals_as_stored(
     (vectors, values, residuals): (&PanelMatrix, &[f64], &[f64]),
     problem: &EigenProblem,
@@ -321,7 +324,8 @@ pub(super) fn residuals_as_stored(
     Ok(residuals)
 }
 
-/// The dimension of the space that eigenfunctions are stored in: six for each, as long as there are some vertices to a dimension.
+/// The dimension of the space that eigenfunctions are stored in: six for each, as long as there are some vertices to a
+/// dimension.
 fn compact_dimension(count: usize, unknowns: usize) -> usize {
     (6 * count).min(unknowns / 4).max(2 * count)
 }

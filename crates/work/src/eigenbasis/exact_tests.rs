@@ -9,7 +9,8 @@ use chladni_spectral::operator::{MassKind, OperatorParameters, assemble};
 use super::super::compact::{defect_of, norm};
 use super::*;
 
-/// All that a solver would find on a small sphere, by a dense solve, with a space of hat functions that are averaged in twos.
+/// All that a solver would find on a small sphere, by a dense solve, with a space of hat functions that are averaged in
+/// twos.
 fn solved(mass: MassKind, count: usize) -> (Eigenpairs, MassMatrix) {
     let mesh = generate(Shape::Sphere, 160).unwrap();
     let parameters = OperatorParameters { mass, ..OperatorParameters::default() };

@@ -31,8 +31,8 @@ pub fn check(method: &Method, operator: &OperatorParameters) -> Result<(), Param
     refusal.map_or(Ok(()), |(name, reason)| Err(value(name, reason.to_owned())))
 }
 
-/// An estimate of the memory of the work, in bytes: the larger of the scalar problems has an unknown for each edge; fields are held in double
-/// precision and as they are stored.
+/// An estimate of the memory of the work, in bytes: the larger of the scalar problems has an unknown for each edge;
+/// fields are held in double precision and as they are stored.
 pub fn memory_bytes(exact: &Exact, vertices: u64, faces: u64) -> u64 {
     let edges = (3 * faces).div_ceil(2).max(vertices);
     let (fields, half) = (exact.most_pairs() as u64, exact.most_pairs() as u64 / 2);

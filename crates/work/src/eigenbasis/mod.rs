@@ -1,4 +1,5 @@
-//! The job `eigenbasis`: the lowest eigenpairs of an operator, approximated in a compact basis or computed to a tolerance.
+//! The job `eigenbasis`: the lowest eigenpairs of an operator, approximated in a compact basis or computed to a
+//! tolerance.
 
 mod approximation;
 mod auto;
@@ -98,7 +99,8 @@ impl EigenbasisParameters {
     /// Reads and checks parameters; `null` stands for all defaults.
     ///
     /// # Errors
-    /// [`ParameterError`] names what does not fit: an unknown member, one out of its range, one that belongs to another method.
+    /// [`ParameterError`] names what does not fit: an unknown member, one out of its range, one that belongs to another
+    /// method.
     pub fn parse(parameters: &Value) -> Result<Self, ParameterError> {
         Self::read(&Packed::from(parameters))
     }
@@ -183,7 +185,8 @@ impl EigenbasisParameters {
         if self.operator.operator == OperatorKind::Volume {
             request.heat = request.heat.map(HeatParameters::in_solid);
         }
-        // Serialising a struct of numbers, strings and options cannot fail; null would only make equal work look different.
+        // Serialising a struct of numbers, strings and options cannot fail; null would only make equal work look
+        // different.
         serde_json::to_value(request).unwrap_or_default()
     }
 
@@ -199,8 +202,8 @@ impl EigenbasisParameters {
         }
     }
 
-    /// The parameters as a basis carries them. Values of a potential and weights of faces, which may be more than everything else, stay out, and the
-    /// operator with them; and what is no matter of the result.
+    /// The parameters as a basis carries them. Values of a potential and weights of faces, which may be more than
+    /// everything else, stay out, and the operator with them; and what is no matter of the result.
     fn to_be_recorded(&self) -> Value {
         let mut parameters = crate::of_result(self.canonical());
         let long = matches!(
@@ -225,8 +228,8 @@ impl EigenbasisParameters {
     /// Checks the parameters against the size of a mesh.
     ///
     /// # Errors
-    /// [`ParameterError::Value`] where more pairs are asked for than the mesh has vertices, or a potential has another number of
-    /// values.
+    /// [`ParameterError::Value`] where more pairs are asked for than the mesh has vertices, or a potential has another
+    /// number of values.
     pub fn check_mesh(&self, vertices: usize) -> Result<(), ParameterError> {
         self.operator.check_mesh(vertices)?;
         let bounded = match &self.method {
@@ -259,7 +262,8 @@ impl EigenbasisParameters {
         nested::is_nested(&self.operator.operator)
     }
 
-    /// An estimate of the memory that the job needs, in bytes: mesh and operator, what the method takes, and the program.
+    /// An estimate of the memory that the job needs, in bytes: mesh and operator, what the method takes, and the
+    /// program.
     pub fn memory_bytes(&self, vertices: usize, faces: usize) -> u64 {
         let (n, f) = (vertices as u64, faces as u64);
         let mesh = 24 * n + 12 * f;
@@ -286,7 +290,8 @@ impl EigenbasisParameters {
         mesh + operator + local + method + (64 << 20)
     }
 
-    /// About how many seconds of one core the job takes, where that is known: for a number of pairs of a surface, by the methods but `sim`.
+    /// About how many seconds of one core the job takes, where that is known: for a number of pairs of a surface, by
+    /// the methods but `sim`.
     pub fn seconds(&self, vertices: usize) -> Option<f64> {
         let pairs = self.most_pairs().min(vertices);
         match &self.method {
@@ -366,8 +371,8 @@ impl EigenbasisParameters {
         Ok(basis)
     }
 
-    /// The operator of points without faces, and the triangles around all of them: the spaces of a solver ask who is beside whom. `None` for a mesh that
-    /// has faces.
+    /// The operator of points without faces, and the triangles around all of them: the spaces of a solver ask who is
+    /// beside whom. `None` for a mesh that has faces.
     fn points(
         &self,
         mesh: &TriangleMesh,

@@ -1,4 +1,5 @@
-//! The operators `volume` and `graph`: their rows lie in no surface, so that they have a start of their own, and a solid local functions of its own.
+//! The operators `volume` and `graph`: their rows lie in no surface, so that they have a start of their own, and a
+//! solid local functions of its own.
 
 use chladni_base::Monitor;
 use chladni_mesh::{TetMesh, TriangleMesh};
@@ -120,7 +121,8 @@ pub fn bytes_of(operator: &OperatorKind, method: &Method, mesh: MeshSize) -> u64
     }
 }
 
-/// What tetrahedra and matrices take: shapes and corners of tetrahedra; about fifteen entries a row of stiffness, mass and a copy of either.
+/// What tetrahedra and matrices take: shapes and corners of tetrahedra; about fifteen entries a row of stiffness, mass
+/// and a copy of either.
 fn assembly_bytes(mesh: MeshSize) -> u64 {
     176 * mesh.tetrahedra as u64 + mesh.solid_vertices as u64 * 15 * 40
 }

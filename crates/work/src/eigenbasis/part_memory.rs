@@ -33,8 +33,8 @@ pub struct Division {
 }
 
 impl JobParameters {
-    /// An estimate of the memory that the job needs, in bytes, where it is divided if that takes less: a job that leaves it to the server whether it is
-    /// divided otherwise counts as one in one piece.
+    /// An estimate of the memory that the job needs, in bytes, where it is divided if that takes less: a job that
+    /// leaves it to the server whether it is divided otherwise counts as one in one piece.
     pub fn memory_bytes_in_parts(&self, mesh: MeshSize) -> u64 {
         let most = self.memory_bytes(mesh);
         let Self::Eigenbasis(parameters) = self else { return most };
@@ -49,7 +49,8 @@ impl JobParameters {
         }
     }
 
-    /// Makes sure that a job that was to be divided, and may have been promised no more than that takes, may be done in one piece.
+    /// Makes sure that a job that was to be divided, and may have been promised no more than that takes, may be done in
+    /// one piece.
     pub(super) fn has_room_for_one_piece(&self, mesh: MeshSize, monitor: &dyn Monitor) -> Result<(), JobError> {
         let Self::Eigenbasis(parameters) = self else { return Ok(()) };
         let Some(promised) = monitor.promised_bytes().filter(|_| parameters.bytes_in_parts(mesh).is_some()) else {
@@ -81,8 +82,8 @@ impl JobParameters {
         Self::Eigenbasis(of_part).memory_bytes(mesh)
     }
 
-    /// The same for a mesh that is there, which may tell that less will do: the columns of an approximation are made a piece of the surface at a time
-    /// where none of them belongs to a single vertex.
+    /// The same for a mesh that is there, which may tell that less will do: the columns of an approximation are made a
+    /// piece of the surface at a time where none of them belongs to a single vertex.
     ///
     /// # Errors
     /// [`JobError`], as [`run_body`](Self::run_body): what the mesh is not suited for, cancellation.
@@ -129,9 +130,10 @@ impl EigenbasisParameters {
         self.memory_bytes(size.vertices, size.faces) + self.joined_bytes(size.vertices)
     }
 
-    /// What a job takes that others solve the parts of: it makes the plan, and joins them. No less than one of its parts, the smallest that there may
-    /// be where their number is left open: where nobody has room for a part, nothing comes of the whole. `None` where the job is not divided by the
-    /// surface; whether the mesh is one that lets this be enough is for the plan to see.
+    /// What a job takes that others solve the parts of: it makes the plan, and joins them. No less than one of its
+    /// parts, the smallest that there may be where their number is left open: where nobody has room for a part, nothing
+    /// comes of the whole. `None` where the job is not divided by the surface; whether the mesh is one that lets this
+    /// be enough is for the plan to see.
     pub(super) fn bytes_in_parts(&self, size: MeshSize) -> Option<u64> {
         let (Method::Approximate(approximate), Some(parts)) = (&self.method, self.parts) else { return None };
         let own = approximate.plan_bytes(size).max(approximate.join_bytes(size));
@@ -156,30 +158,33 @@ impl EigenbasisParameters {
 }
 
 impl Approximate {
-    /// What a part takes: it makes its columns, a piece of the surface at a time, then it measures its rows, so many at a time. Bytes a vertex are
-    /// measured ones.
+    /// What a part takes: it makes its columns, a piece of the surface at a time, then it measures its rows, so many at
+    /// a time. Bytes a vertex are measured ones.
     pub(super) fn part_bytes(&self, size: MeshSize, parts: NonZeroUsize) -> u64 {
         let (n, d, m) = (size.vertices as u64, self.dimension as u64, self.count as u64);
         let surface = 24 * n + 12 * size.faces as u64;
-        // Edges, their lengths and weights, columns before they diffuse, where vertices lie on the coarse level; rows of a piece of the operator. Each
-        // thread beyond two has a list of all vertices more.
+        // Edges, their lengths and weights, columns before they diffuse, where vertices lie on the coarse level; rows
+        // of a piece of the operator. Each thread beyond two has a list of all vertices more.
         let threads = (rayon::current_num_threads() as u64).saturating_sub(2);
         let columns = surface + (255 + 8 * threads) * n + 330 * n.min(ROWS_OF_PIECE as u64);
-        // Rows of the part and next to it, as many as are measured at a time with their hierarchy, and panels of 32 pairs.
+        // Rows of the part and next to it, as many as are measured at a time with their hierarchy, and panels of 32
+        // pairs.
         let own = n.div_ceil(parts.get() as u64);
         let at_once = own.min(ROWS_AT_ONCE as u64);
         let measured = surface + 40 * n + 240 * own + at_once * (460 + 800 * panels_at_once(own, m));
         PROGRAM + columns.max(measured) + d * d * 8 * 3 + d * m * 8 * 2
     }
 
-    /// What a plan takes: the surface, the triangles of each vertex, and what tells whether edges are those of a manifold.
+    /// What a plan takes: the surface, the triangles of each vertex, and what tells whether edges are those of a
+    /// manifold.
     fn plan_bytes(&self, size: MeshSize) -> u64 {
         let (n, f) = (size.vertices as u64, size.faces as u64);
         PROGRAM + 24 * n + 12 * f + PLAN_BYTES * n
     }
 
-    /// What a join takes: the rows of all parts, twenty entries each and a little more, and half as much again while they are put in order; masses, where
-    /// rows begin, and their numbers. The allocator gives back what was let go of meanwhile.
+    /// What a join takes: the rows of all parts, twenty entries each and a little more, and half as much again while
+    /// they are put in order; masses, where rows begin, and their numbers. The allocator gives back what was let go of
+    /// meanwhile.
     fn join_bytes(&self, size: MeshSize) -> u64 {
         let (n, d, m) = (size.vertices as u64, self.dimension as u64, self.count as u64);
         let surface = 24 * n + 12 * size.faces as u64;

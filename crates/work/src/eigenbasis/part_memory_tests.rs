@@ -39,8 +39,8 @@ fn igea(times: usize) -> MeshSize {
     MeshSize { vertices, faces, ..MeshSize::default() }
 }
 
-/// How often igea was subdivided, pairs, parts, and `peak_rss_bytes` of the first part in megabytes: docs/decisions/0127 tells how. Thrice subdivided
-/// it is the largest of all parts.
+/// How often igea was subdivided, pairs, parts, and `peak_rss_bytes` of the first part in megabytes:
+/// docs/decisions/0127 tells how. Thrice subdivided it is the largest of all parts.
 const PARTS_TOOK: [(usize, usize, usize, u64); 14] = [
     (0, 100, 2, 209),
     (0, 100, 4, 195),
@@ -99,7 +99,8 @@ fn a_plan_is_promised_what_it_takes_and_not_twice_as_much() {
 fn eight_million_vertices_in_four_parts_fit_workers_of_three_gigabytes() {
     let approximate = approximation(500);
     assert!(promised(|| approximate.part_bytes(igea(3), parts(4))) <= 3_000_000_000);
-    // And so does the job itself, which plans and joins, and waits for its parts without a worker; in one piece it does not.
+    // And so does the job itself, which plans and joins, and waits for its parts without a worker; in one piece it does
+    // not.
     let divided = |parts: Value| job(json!({"method": "approximate", "count": 500, "parts": parts}));
     let [four, auto, whole] = [json!(4), json!("auto"), Value::Null].map(divided);
     for job in [&four, &auto] {

@@ -1,4 +1,5 @@
-//! One eigenbasis in parts, as for several machines: each solves some slices of the spectrum, and whoever joins them judges the whole by the counts that they bring along.
+//! One eigenbasis in parts, as for several machines: each solves some slices of the spectrum, and whoever joins them
+//! judges the whole by the counts that they bring along.
 
 use std::num::NonZeroUsize;
 
@@ -111,8 +112,9 @@ impl EigenbasisParameters {
         }
     }
 
-    /// Into how many parts the problem is divided, where so many are asked for or none, and `chosen` of as many as there would be by nature. The memory
-    /// that one takes is told where the mesh says that it is less than that of any. `room` is asked for where it takes as much as one piece.
+    /// Into how many parts the problem is divided, where so many are asked for or none, and `chosen` of as many as
+    /// there would be by nature. The memory that one takes is told where the mesh says that it is less than that of
+    /// any. `room` is asked for where it takes as much as one piece.
     fn planned(
         &self,
         mesh: &TriangleMesh,
@@ -246,12 +248,14 @@ impl JobParameters {
         }
     }
 
-    /// Into how many parts a job is divided that asks for it, where `workers` may solve them at once; `None` where it is solved in one piece for want
-    /// of workers, and in words why it is where a number of parts was asked for that the problem does not give. What it was divided into `before` it is
-    /// divided into again, so that parts which are done are found. One that was promised less than one piece takes is divided for a single worker too.
+    /// Into how many parts a job is divided that asks for it, where `workers` may solve them at once; `None` where it
+    /// is solved in one piece for want of workers, and in words why it is where a number of parts was asked for that
+    /// the problem does not give. What it was divided into `before` it is divided into again, so that parts which are
+    /// done are found. One that was promised less than one piece takes is divided for a single worker too.
     ///
     /// # Errors
-    /// [`JobError`], as [`run`](Self::run); [`JobError::Memory`] where the job takes as much as one piece, and was promised less.
+    /// [`JobError`], as [`run`](Self::run); [`JobError::Memory`] where the job takes as much as one piece, and was
+    /// promised less.
     pub fn plan_parts(
         &self,
         mesh: &TriangleMesh,
@@ -362,8 +366,8 @@ impl JobParameters {
     /// Joins all parts of a problem: what comes out is what [`run_body`](Self::run_body) leaves behind.
     ///
     /// # Errors
-    /// [`JobError`]; [`PartError`] names the part that is missing, damaged or of something else. [`JobError::Memory`] where one piece has to be made after
-    /// all, and the job was promised less than that takes.
+    /// [`JobError`]; [`PartError`] names the part that is missing, damaged or of something else. [`JobError::Memory`]
+    /// where one piece has to be made after all, and the job was promised less than that takes.
     pub fn join_parts(
         &self,
         mesh: &TriangleMesh,

@@ -46,7 +46,8 @@ fn a_sphere_of_points_has_the_eigenvalues_of_the_sphere() {
         for (k, value) in found.iter().enumerate() {
             let degree = (k as f64).sqrt().floor();
             let wanted = degree * (degree + 1.0);
-            // As on a mesh, the error is of second order: a share of the value that grows with the value times the area of a point.
+            // As on a mesh, the error is of second order: a share of the value that grows with the value times the area
+            // of a point.
             let most = 0.2 * wanted * wanted * 4.0 * std::f64::consts::PI / 4000.0 + 1e-9;
             assert!((value - wanted).abs() <= most, "shake {shake}, pair {k}: {value} for {wanted}");
         }

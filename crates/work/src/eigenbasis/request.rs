@@ -16,7 +16,8 @@ use crate::packed::Packed;
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum MethodName {
-    /// What is cheaper for the mesh and the count: the exact method where it takes about a second or less, else the approximation.
+    /// What is cheaper for the mesh and the count: the exact method where it takes about a second or less, else the
+    /// approximation.
     #[default]
     Auto,
     /// The fast approximation: Ritz pairs in a subspace of locally supported functions.
@@ -67,8 +68,8 @@ pub struct Request {
     #[cfg_attr(feature = "schema", schema(example = 900.0))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub below: Option<f64>,
-    /// `[from, to]`: all pairs of an interval, `from` included and `to` not, in 1/length² of the mesh, instead of a count. All below `to` are
-    /// computed.
+    /// `[from, to]`: all pairs of an interval, `from` included and `to` not, in 1/length² of the mesh, instead of a
+    /// count. All below `to` are computed.
     #[cfg_attr(feature = "schema", schema(min_items = 2, max_items = 2, example = json!([100.0, 900.0])))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub between: Option<[f64; 2]>,
@@ -76,35 +77,38 @@ pub struct Request {
     #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 20000, example = 400))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub at_most: Option<usize>,
-    /// The operator; `auto`, unless it is given. `graph` and `hodge` take the method `hsim`, `volume` that and `approximate`.
+    /// The operator; `auto`, unless it is given. `graph` and `hodge` take the method `hsim`, `volume` that and
+    /// `approximate`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub operator: Option<OperatorKind>,
     /// The mass matrix; `barycentric`, unless it is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mass: Option<MassKind>,
-    /// What holds at the boundary; `neumann`, unless it is given. Functions take `neumann` or `dirichlet`; the fields of `hodge`
-    /// take `tangential`, for which `neumann` is another name, or `normal`.
+    /// What holds at the boundary; `neumann`, unless it is given. Functions take `neumann` or `dirichlet`; the fields
+    /// of `hodge` take `tangential`, for which `neumann` is another name, or `normal`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub boundary: Option<Boundary>,
-    /// Functions of the subspace, at least the count; twice the count and at least the count plus 150, unless it is given.
+    /// Functions of the subspace, at least the count; twice the count and at least the count plus 150, unless it is
+    /// given.
     #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 40000, example = 1000))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dimension: Option<usize>,
     /// How the subspace is built; `heat`, unless it is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub construction: Option<Construction>,
-    /// The largest relative error of an eigenvalue that is good enough, as estimated: columns are added until it is reached, at most five times.
-    /// `standard`, unless it is given.
+    /// The largest relative error of an eigenvalue that is good enough, as estimated: columns are added until it is
+    /// reached, at most five times. `standard`, unless it is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub accuracy: Option<Accuracy>,
-    /// Details of the construction `heat`. Where they are the usual ones, columns of few vertices diffuse for longer: `accuracy.heat_steps` of the
-    /// result.
+    /// Details of the construction `heat`. Where they are the usual ones, columns of few vertices diffuse for longer:
+    /// `accuracy.heat_steps` of the result.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub heat: Option<HeatParameters>,
     /// Details of the construction `radial`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub radial: Option<RadialParameters>,
-    /// Whether eigenvalues are counted once and each pair is enclosed with its index: `complete` is true then, or the job fails.
+    /// Whether eigenvalues are counted once and each pair is enclosed with its index: `complete` is true then, or the
+    /// job fails.
     #[cfg_attr(feature = "schema", schema(example = true))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub certify: Option<bool>,
@@ -137,19 +141,21 @@ pub struct Request {
     #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 4, example = 1.5))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub subspace_factor: Option<f64>,
-    /// Into how many parts a server divides the job, for several workers to solve at once: a number, or `auto`. The job waits for its parts without a
-    /// worker, and joins them. Not divided, unless it is given. Of `hsim` in the variant `sliced`, on surfaces, stored as columns: parts of 64 pairs
-    /// at least, with the same result but for rounding. Of `approximate`, for the Laplacian by cotangents with a lumped mass: parts of the surface,
-    /// with the same pairs and somewhat wider bounds.
+    /// Into how many parts a server divides the job, for several workers to solve at once: a number, or `auto`. The job
+    /// waits for its parts without a worker, and joins them. Not divided, unless it is given. Of `hsim` in the variant
+    /// `sliced`, on surfaces, stored as columns: parts of 64 pairs at least, with the same result but for rounding. Of
+    /// `approximate`, for the Laplacian by cotangents with a lumped mass: parts of the surface, with the same pairs and
+    /// somewhat wider bounds.
     #[cfg_attr(feature = "schema", schema(inline))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub parts: Option<Parts>,
     /// How eigenfunctions are stored; `dense`, unless it is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub storage: Option<StorageKind>,
-    /// The type of the numbers of a dense basis. Unless it is given, `f32` where columns in single precision keep the tolerance, and `f64` where they
-    /// do not, as below 1e-4 and on large meshes; eigenfields of `hodge` are stored in `f64`, and what inverse iteration refined in `f32`. With `f32`
-    /// given, the certificate says what tolerance is kept.
+    /// The type of the numbers of a dense basis. Unless it is given, `f32` where columns in single precision keep the
+    /// tolerance, and `f64` where they do not, as below 1e-4 and on large meshes; eigenfields of `hodge` are stored in
+    /// `f64`, and what inverse iteration refined in `f32`. With `f32` given, the certificate says what tolerance is
+    /// kept.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub precision: Option<Precision>,
     /// Seeds everything that is drawn at random; 0, unless it is given.
@@ -197,8 +203,8 @@ impl Request {
     /// Reads an object; `null` stands for an empty one.
     ///
     /// # Errors
-    /// [`ParameterError::Form`] names a member that does not exist or does not parse, [`ParameterError::Value`] one that belongs to
-    /// another method.
+    /// [`ParameterError::Form`] names a member that does not exist or does not parse, [`ParameterError::Value`] one
+    /// that belongs to another method.
     pub fn read(value: &Packed) -> Result<Self, ParameterError> {
         let form = |reason| ParameterError::Form { kind: "eigenbasis", reason };
         match value {
@@ -224,7 +230,8 @@ impl Request {
 }
 
 impl Request {
-    /// The method that a request leaves open, where its members leave it open too: one that a single method takes names that method.
+    /// The method that a request leaves open, where its members leave it open too: one that a single method takes names
+    /// that method.
     fn method_of_members(&self, given: impl Fn(&str) -> bool) -> MethodName {
         let any_of = |group: &[MethodName]| BELONGINGS.iter().any(|(name, methods)| *methods == group && given(name));
         if any_of(APPROXIMATE) {

@@ -162,7 +162,8 @@ fn the_estimate_of_memory_covers_what_was_measured() {
         let estimate = megabytes(parameters.clone(), vertices);
         assert!((measured..2.5 * measured).contains(&estimate), "{parameters}: {estimate} for {measured}");
     }
-    // The largest surfaces are measured in parts (docs/decisions/0122), unless pairs are to be enclosed or the operator does not fall apart.
+    // The largest surfaces are measured in parts (docs/decisions/0122), unless pairs are to be enclosed or the operator
+    // does not fall apart.
     let approximate = |more: Value| {
         let mut parameters = json!({"method": "approximate", "count": 500});
         parameters.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());

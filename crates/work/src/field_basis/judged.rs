@@ -16,7 +16,8 @@ const USUAL: usize = 8;
 /// Bytes that these may take: on large surfaces they are fewer.
 const USUAL_BYTES: u64 = 240 << 20;
 
-/// Surfaces of up to so many faces are judged by factors, larger ones by cycles, which take less memory than a job promises.
+/// Surfaces of up to so many faces are judged by factors, larger ones by cycles, which take less memory than a job
+/// promises.
 const FACTORED: usize = 100_000;
 
 /// So many fields without energy are judged beside the others.
@@ -72,7 +73,8 @@ pub fn judged(
     let lifted = |k: usize| basis.space.lift(&model.eigenfield(k)).into_iter().flatten().map(f64::from).collect();
     let goal = EigenfieldGoal::Estimate;
     if idle > FEW_IDLE && full.count_idle(monitor)? == Some(idle) {
-        // Surfaces of many components have that many. Their own are found by component, and what the values of the basis lie above is zero.
+        // Surfaces of many components have that many. Their own are found by component, and what the values of the
+        // basis lie above is zero.
         let above =
             full.eigenfields_above_idle((idle..together).map(lifted).collect(), wanted - idle, goal, monitor)?;
         return Ok(Some(above.certificate_above(model.values(), idle, basis.area)));

@@ -51,7 +51,8 @@ impl FieldBasisParameters {
     /// Reads and checks parameters; `null` stands for all defaults.
     ///
     /// # Errors
-    /// [`ParameterError`] names what does not fit: an unknown member, one out of its range, one that belongs to another field or construction.
+    /// [`ParameterError`] names what does not fit: an unknown member, one out of its range, one that belongs to another
+    /// field or construction.
     pub fn parse(parameters: &Value) -> Result<Self, ParameterError> {
         Self::read(&Packed::from(parameters))
     }
@@ -115,8 +116,9 @@ impl FieldBasisParameters {
         Judging::new(self.estimates, self.space.field.block(), faces, self.dimension(faces))
     }
 
-    /// The columns on a mesh: what was asked for, or the default and at most a quarter of the numbers of a field, but on the smallest meshes all that
-    /// there are: so few columns would hold no constant field, and no stroke on the face beside them.
+    /// The columns on a mesh: what was asked for, or the default and at most a quarter of the numbers of a field, but
+    /// on the smallest meshes all that there are: so few columns would hold no constant field, and no stroke on the
+    /// face beside them.
     fn dimension(&self, faces: usize) -> usize {
         let block = self.space.field.block();
         let all = block * faces;
@@ -210,7 +212,8 @@ impl Work for FieldBasisParameters {
                 request.local_eigenfields = Some(local);
             }
         }
-        // Serialising a struct of numbers, strings and options cannot fail; null would only make equal work look different.
+        // Serialising a struct of numbers, strings and options cannot fail; null would only make equal work look
+        // different.
         serde_json::to_value(request).unwrap_or_default()
     }
 
@@ -239,7 +242,8 @@ impl Work for FieldBasisParameters {
         let (b, d) = (self.space.field.block() as u64, self.dimension(mesh.faces) as u64);
         // Mesh, dual graph and frames, twice: as given and in the order of a curve.
         let surface = 2 * (24 * n + 12 * f + f * (3 * 12 + 6 * 8 + 8 + 16));
-        // The operator with its coarser levels, a third more, in both precisions: itself and the faces at its corners, or its three neighbours.
+        // The operator with its coarser levels, a third more, in both precisions: itself and the faces at its corners,
+        // or its three neighbours.
         let near = if self.space.field == (FieldKind::Vector {}) { 13 } else { 4 };
         let operator = f * near * (12 * b * b + 8) * 4 / 3;
         // Columns while they are spread, as they are stored, and as a matrix of single numbers.
@@ -250,14 +254,15 @@ impl Work for FieldBasisParameters {
         let columns = blocks * (4 * b * b + 4) * 2 + blocks * b * b * 8;
         // Matrices of the space, and the dense eigenproblem.
         let small = d * 200 * 12 * 2;
-        // While the space is restricted, a product of about a hundred columns for each column, twice, up to what the faces explain.
+        // While the space is restricted, a product of about a hundred columns for each column, twice, up to what the
+        // faces explain.
         let products = (d * 16 * 10_000).min(f * b * 8 * 24 * 24);
         let ritz = if d <= MOST_DIMENSIONS as u64 { d * d * 8 * 6 } else { 0 };
         let judged = if ritz > 0 { 4 * d * d + self.judging(mesh.faces).bytes() } else { 0 };
         let counted =
             surface + operator + (columns + small + products).max(blocks * (4 * b * b + 4) + ritz.max(judged));
-        // What the allocator keeps beside that varies from run to run: on icospheres of 2,562 to 40,962 vertices processes held up to a quarter more, and on
-        // small meshes the process itself outweighs all of it.
+        // What the allocator keeps beside that varies from run to run: on icospheres of 2,562 to 40,962 vertices
+        // processes held up to a quarter more, and on small meshes the process itself outweighs all of it.
         counted + counted / 4 + (112 << 20)
     }
 
@@ -286,7 +291,8 @@ impl Work for FieldBasisParameters {
     }
 }
 
-/// Pairs of faces with a common vertex, which the operator of vector fields couples: a dozen for each face, unless very many meet at one vertex.
+/// Pairs of faces with a common vertex, which the operator of vector fields couples: a dozen for each face, unless very
+/// many meet at one vertex.
 fn pairs_around_vertices(mesh: &TriangleMesh) -> u64 {
     let mut faces = vec![0u64; mesh.positions.len()];
     mesh.faces.as_flattened().iter().for_each(|&v| faces[v as usize] += 1);

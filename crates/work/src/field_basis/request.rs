@@ -86,8 +86,8 @@ pub struct Request {
     /// Whether spaces of vector fields carry the harmonic fields of the surface.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub harmonic_fields: Option<bool>,
-    /// Of how many of the lowest eigenfields, besides those without energy, the errors are estimated: without it of 8, on surfaces of more than 270,000
-    /// faces of fewer. 0: of none.
+    /// Of how many of the lowest eigenfields, besides those without energy, the errors are estimated: without it of 8,
+    /// on surfaces of more than 270,000 faces of fewer. 0: of none.
     #[cfg_attr(feature = "schema", schema(maximum = 256, example = 8))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub estimates: Option<usize>,

@@ -147,7 +147,8 @@ fn along(corners: [[f64; 3]; 3], i: usize) -> f64 {
 
 fn doubled_area(corners: [[f64; 3]; 3]) -> f64 {
     let square = |p: [f64; 3], q: [f64; 3]| (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>();
-    // From the two shorter sides: two long ones are nearly parallel where the third is short, and their product is what rounding leaves.
+    // From the two shorter sides: two long ones are nearly parallel where the third is short, and their product is what
+    // rounding leaves.
     let opposite = [0, 1, 2].map(|i| square(corners[(i + 1) % 3], corners[(i + 2) % 3]));
     let at = (0..3).fold(0, |best, i| if opposite[i] > opposite[best] { i } else { best });
     let [p, q, r] = [0, 1, 2].map(|k| corners[(at + k) % 3]);

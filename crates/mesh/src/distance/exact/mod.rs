@@ -1,18 +1,19 @@
 //! Exact geodesic distances on the polyhedral surface: windows are propagated over the unfolded faces, nearest first.
 //!
-//! A shortest path on a polyhedron is straight in the plane that the faces it crosses are unfolded into, and turns at vertices alone: those whose
-//! angles exceed 2π, and those on a boundary (Sharir and Schorr 1986; Mitchell, Mount and Papadimitriou 1987). So all shortest paths through an edge
-//! come in windows, intervals of the edge whose paths share the last vertex that they turned at. Windows are propagated in order of distance, as Xin
-//! and Wang (2009) do. What keeps their number small:
-//! - Each is cut down to the part of its edge where it is shorter than the ways through the ends of the edge. As one moves away from an end the way
-//!   through that end grows at least as fast as the window's, so that part is an interval, and nothing that is cut away can be part of a shortest
-//!   path.
-//! - One that left a face by two of its sides is dropped where the way through the corner between them to its far end is as short: every path of the
-//!   window crosses that way (Xin and Wang's third condition).
-//! - Of all windows that enter a face by one edge, the one that reaches the opposite corner first owns it. The path of the owner to the corner bars
-//!   the face: what another window sends across it could as well follow the owner up to the crossing. So that window goes on beyond the owner's path
-//!   only by places of the edge that already lie beyond it (after "one angle, one split" of Chen and Han 1990, which needs an order of faces; this
-//!   does not).
+//! A shortest path on a polyhedron is straight in the plane that the faces it crosses are unfolded into, and turns at
+//! vertices alone: those whose angles exceed 2π, and those on a boundary (Sharir and Schorr 1986; Mitchell, Mount and
+//! Papadimitriou 1987). So all shortest paths through an edge come in windows, intervals of the edge whose paths share
+//! the last vertex that they turned at. Windows are propagated in order of distance, as Xin and Wang (2009) do. What
+//! keeps their number small:
+//! - Each is cut down to the part of its edge where it is shorter than the ways through the ends of the edge. As one
+//!   moves away from an end the way through that end grows at least as fast as the window's, so that part is an
+//!   interval, and nothing that is cut away can be part of a shortest path.
+//! - One that left a face by two of its sides is dropped where the way through the corner between them to its far end
+//!   is as short: every path of the window crosses that way (Xin and Wang's third condition).
+//! - Of all windows that enter a face by one edge, the one that reaches the opposite corner first owns it. The path of
+//!   the owner to the corner bars the face: what another window sends across it could as well follow the owner up to
+//!   the crossing. So that window goes on beyond the owner's path only by places of the edge that already lie beyond it
+//!   (after "one angle, one split" of Chen and Han 1990, which needs an order of faces; this does not).
 //!
 //! Nothing is assumed of the mesh: an edge may have any number of faces, with any orientation, and faces may lack area.
 
@@ -85,8 +86,8 @@ impl ExactGeodesics {
         self.edges.vertices()
     }
 
-    /// The distance of every vertex to the nearest of some sources, in the units of the mesh: `n` numbers, infinite where no path leads. Sources that
-    /// are no vertices are left out.
+    /// The distance of every vertex to the nearest of some sources, in the units of the mesh: `n` numbers, infinite
+    /// where no path leads. Sources that are no vertices are left out.
     ///
     /// # Errors
     /// [`Cancelled`].
@@ -122,7 +123,8 @@ impl ExactGeodesics {
 struct Front<'a> {
     edges: &'a Edges,
     distances: Vec<f64>,
-    /// For each half-edge the least distance at which a window through it reached the opposite corner, and where its path to there crosses the edge.
+    /// For each half-edge the least distance at which a window through it reached the opposite corner, and where its
+    /// path to there crosses the edge.
     owners: Vec<(f64, f64)>,
     heap: BinaryHeap<Event>,
 }
@@ -136,7 +138,8 @@ impl Front<'_> {
         }
     }
 
-    /// The distance of a vertex is final: ways go on along its edges, and, where paths may turn there or begin, through its faces.
+    /// The distance of a vertex is final: ways go on along its edges, and, where paths may turn there or begin, through
+    /// its faces.
     fn turn(&mut self, vertex: u32, distance: f64) {
         let edges = self.edges;
         for &opposite in edges.opposite(vertex) {
@@ -158,8 +161,9 @@ impl Front<'_> {
         let Some(window) = self.useful(window) else { return };
         let (apex, length) = (edges.apex(window.edge), edges.length(window.edge));
         let (mut before, mut beyond) = (window, window);
-        // A corner in line with a vertex that was passed lies on the rim of the windows on both sides of it, and for rounding in neither. No path turns at an ordinary vertex,
-        // so that its own way would not be found again; one that turns by a rounding error at the rim is as short.
+        // A corner in line with a vertex that was passed lies on the rim of the windows on both sides of it, and for
+        // rounding in neither. No path turns at an ordinary vertex, so that its own way would not be found again; one
+        // that turns by a rounding error at the rim is as short.
         let Reached { distance, place, seen } = window.reaches(apex);
         self.reach(edges.third(window.edge), distance);
         if seen {
@@ -183,8 +187,9 @@ impl Front<'_> {
         }
     }
 
-    /// A window that leaves a face by one of its edges, for each face on the other side. Its places are measured from the origin of that edge, or
-    /// from its end if `from_end`; `passed` is the corner opposite to the edge where it came in by another side.
+    /// A window that leaves a face by one of its edges, for each face on the other side. Its places are measured from
+    /// the origin of that edge, or from its end if `from_end`; `passed` is the corner opposite to the edge where it
+    /// came in by another side.
     fn pass(&mut self, window: &Window, edge: u32, from_end: bool, passed: Option<u32>) {
         let edges = self.edges;
         if let Some(corner) = passed {

@@ -140,7 +140,8 @@ fn over_boxes_paths_are_those_that_are_known() {
 /// A cone of flat sectors whose angles at the apex sum to `total`, with the polar coordinates of its vertices.
 fn cone(sectors: usize, total: f64, rings: usize) -> (TriangleMesh, Vec<[f64; 2]>) {
     let (each, turn) = (total / sectors as f64, TAU / sectors as f64);
-    // Generators at equal angles from each other: on a round cone, or up and down by turns where the angles sum to more than 2π.
+    // Generators at equal angles from each other: on a round cone, or up and down by turns where the angles sum to more
+    // than 2π.
     let up = if total < TAU { 1.0 } else { -1.0 };
     let square = (up - each.cos()) / (up - turn.cos());
     let (out, height) = (square.sqrt(), (1.0 - square).sqrt());
@@ -192,8 +193,8 @@ fn around_the_apex_of_a_cone_paths_are_those_of_the_unrolled_cone() {
     }
 }
 
-/// All distances of a small mesh, by unfolding every sequence of faces that some straight path from a vertex crosses, and then by paths over
-/// vertices.
+/// All distances of a small mesh, by unfolding every sequence of faces that some straight path from a vertex crosses,
+/// and then by paths over vertices.
 fn by_brute_force(mesh: &TriangleMesh) -> Vec<Vec<f64>> {
     let n = mesh.positions.len();
     let mut direct = vec![vec![f64::INFINITY; n]; n];
@@ -220,7 +221,8 @@ fn by_brute_force(mesh: &TriangleMesh) -> Vec<Vec<f64>> {
     direct
 }
 
-/// Goes over an edge, whose ends are unfolded into the plane with the source in its origin, into every face that was not crossed, between two rays.
+/// Goes over an edge, whose ends are unfolded into the plane with the source in its origin, into every face that was
+/// not crossed, between two rays.
 fn unfold(
     mesh: &TriangleMesh,
     found: &mut [f64],
@@ -312,7 +314,8 @@ fn on_a_sphere_distances_converge_to_great_circles() {
 
 #[test]
 fn pages_of_a_book_faces_of_mixed_orientation_and_other_components() {
-    // Three half planes that meet in the line x = 0, the second turned over; then a plate of its own, and a vertex without faces.
+    // Three half planes that meet in the line x = 0, the second turned over; then a plate of its own, and a vertex
+    // without faces.
     let page = |angle: f64| {
         let mut page = grid(6);
         page.positions.iter_mut().for_each(|p| *p = [p[0] * angle.cos(), p[1], p[0] * angle.sin()]);

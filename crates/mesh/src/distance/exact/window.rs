@@ -1,6 +1,7 @@
 //! Windows in the plane of an edge: the edge lies on the first axis, from 0 on, and the face that is entered above it.
 
-/// Lengths are near 1, so squares neither overflow nor vanish; `hypot`, which provides for that, takes several times as long.
+/// Lengths are near 1, so squares neither overflow nor vanish; `hypot`, which provides for that, takes several times as
+/// long.
 fn hypotenuse(a: f64, b: f64) -> f64 {
     (a * a + b * b).sqrt()
 }
@@ -49,8 +50,8 @@ impl Window {
         self.at(self.along.clamp(self.from, self.to))
     }
 
-    /// The part where this is shorter than the way through the begin of the edge, which lies at `distance`. Along the edge that way grows as the
-    /// place does, and this no faster, so the part is what lies beyond some place.
+    /// The part where this is shorter than the way through the begin of the edge, which lies at `distance`. Along the
+    /// edge that way grows as the place does, and this no faster, so the part is what lies beyond some place.
     pub fn beyond(mut self, distance: f64) -> Option<Self> {
         if !(self.from < self.to) {
             return None;
@@ -70,14 +71,14 @@ impl Window {
         (self.from < self.to).then_some(self)
     }
 
-    /// Whether all of it is as far as the way through the corner of the face that it left, which lies on the side of its end. `distance` is that of
-    /// the corner, which has its place along the edge and behind it.
+    /// Whether all of it is as far as the way through the corner of the face that it left, which lies on the side of
+    /// its end. `distance` is that of the corner, which has its place along the edge and behind it.
     pub fn is_beaten_by(&self, distance: f64, (along, behind): (f64, f64)) -> bool {
         distance + hypotenuse(self.from - along, behind) <= self.at(self.from)
     }
 
-    /// The shortest way through the window to the third corner of the face, and whether that is straight: where it is not, it turns at an end of the window. Either way a path
-    /// of that length is there.
+    /// The shortest way through the window to the third corner of the face, and whether that is straight: where it is
+    /// not, it turns at an end of the window. Either way a path of that length is there.
     pub fn reaches(&self, (along, above): (f64, f64)) -> Reached {
         let height = self.behind + above;
         let straight = if height > 0.0 { self.along + (along - self.along) * self.behind / height } else { along };
@@ -92,8 +93,8 @@ impl Window {
         Reached { distance: self.at(place) + hypotenuse(along - place, above), place, seen: false }
     }
 
-    /// What leaves the face by the side between the begin of the edge and the third corner, in the plane of that side and measured from the begin of
-    /// the edge; `side` is its length.
+    /// What leaves the face by the side between the begin of the edge and the third corner, in the plane of that side
+    /// and measured from the begin of the edge; `side` is its length.
     pub fn through(&self, (along, above): (f64, f64), side: f64) -> Option<Self> {
         let height = self.behind + above;
         // A source on the line of the edge sees nothing above it.

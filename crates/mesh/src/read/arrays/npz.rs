@@ -14,8 +14,8 @@ fn refuse(reason: impl Into<String>) -> ReadError {
     wrong(MeshFormat::Npz, reason)
 }
 
-/// Reads arrays: `vertices` n × 3, `faces` f × k with k from 3, `tetrahedra` t × 4; further members are passed over. Archives that
-/// `numpy.savez_compressed` made are refused: what they unfold to is not bounded by their size.
+/// Reads arrays: `vertices` n × 3, `faces` f × k with k from 3, `tetrahedra` t × 4; further members are passed over.
+/// Archives that `numpy.savez_compressed` made are refused: what they unfold to is not bounded by their size.
 pub fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
     let mut archive =
         ZipArchive::new(Cursor::new(bytes)).map_err(|error| refuse(format!("the archive is damaged: {error}")))?;

@@ -1,8 +1,8 @@
 //! Stanford PLY: ASCII and binary in both byte orders, with any elements and properties.
 //!
 //! Positions are the properties `x`, `y`, `z` of the element `vertex`; faces are the list `vertex_indices` (or
-//! `vertex_index`) of the element `face`; triangle strips are the same list of the element `tristrips`, where −1 begins a
-//! new strip. All else is passed over.
+//! `vertex_index`) of the element `face`; triangle strips are the same list of the element `tristrips`, where −1 begins
+//! a new strip. All else is passed over.
 
 mod ascii;
 mod binary;

@@ -1,8 +1,9 @@
 //! From a map to a correspondence of points, and back.
 //!
-//! A map `C` and a vertex `p` of the target make the vertex `q` of the source whose image is nearest to it: `argmin_q ‖Φ_target(p) − C Φ_source(q)‖`
-//! (Melzi et al. 2019, eq. 1). Both are deltas, in coefficients of the target: `C` acts on the one that lies on the source, so that the search runs
-//! over the rows of `Φ_source Cᵀ`. (The other way round, `Φ_target C` against `Φ_source`, pulls back what `C` cannot reach as well.)
+//! A map `C` and a vertex `p` of the target make the vertex `q` of the source whose image is nearest to it:
+//! `argmin_q ‖Φ_target(p) − C Φ_source(q)‖` (Melzi et al. 2019, eq. 1). Both are deltas, in coefficients of the target:
+//! `C` acts on the one that lies on the source, so that the search runs over the rows of `Φ_source Cᵀ`. (The other way
+//! round, `Φ_target C` against `Φ_source`, pulls back what `C` cannot reach as well.)
 
 use chladni_algebra::{DenseMatrix, solve_definite};
 
@@ -52,8 +53,8 @@ impl Images {
         Ok(Self { dimensions, points: Neighbours::new(points).ok_or(BasisError::Inconsistent)? })
     }
 
-    /// For each row of `here`, the modes of the target at some vertices, the nearest image. `before`: for the first rows, what they were matched with
-    /// by a map that was not much different.
+    /// For each row of `here`, the modes of the target at some vertices, the nearest image. `before`: for the first
+    /// rows, what they were matched with by a map that was not much different.
     pub fn nearest(&self, here: &DenseMatrix, before: &[Match]) -> Vec<Match> {
         self.nearest_to(&Rows::of(here, self.dimensions), before)
     }
@@ -63,7 +64,8 @@ impl Images {
         self.points.nearest(queries, &before).into_iter().map(Match::from).collect()
     }
 
-    /// The nearest image of every vertex of the target. `before`: as for [`nearest`](Self::nearest), for the first vertices.
+    /// The nearest image of every vertex of the target. `before`: as for [`nearest`](Self::nearest), for the first
+    /// vertices.
     pub fn nearest_of_all(&self, target: &Side, before: &[Match]) -> Result<Vec<Match>, AnalysisError> {
         let vertices: Vec<u32> = (0..target.masses.len() as u32).collect();
         let mut found = Vec::with_capacity(vertices.len());
@@ -117,8 +119,8 @@ impl Standing {
     }
 }
 
-/// ZoomOut: lets a map from `there` to `here` grow to `size`, by `step` at once. Gives the matches of the last map but one as well; none where the
-/// map has its size already.
+/// ZoomOut: lets a map from `there` to `here` grow to `size`, by `step` at once. Gives the matches of the last map but
+/// one as well; none where the map has its size already.
 pub(in crate::analysis) fn zoom_out(
     there: &Standing,
     here: &Standing,

@@ -1,9 +1,11 @@
-//! Functional maps (Ovsjanikov et al. 2012): correspondences between two surfaces as small matrices, refined by ZoomOut (Melzi et al. 2019).
+//! Functional maps (Ovsjanikov et al. 2012): correspondences between two surfaces as small matrices, refined by ZoomOut
+//! (Melzi et al. 2019).
 //!
-//! Both surfaces are scaled to unit area: eigenfunctions `φ √A`, eigenvalues `λ A`. `C`, `k × k`, takes the coefficients of a function on the source
-//! to those of its image on the target. It follows from functions that are known on both, by least squares with a preference for maps that commute
-//! with the Laplacians; then the points of the target look for their nearest neighbours among the images of those of the source, a larger `C` follows
-//! from them, and so on.
+//! Both surfaces are scaled to unit area: eigenfunctions `φ √A`, eigenvalues `λ A`. `C`, `k × k`, takes the
+//! coefficients of a function on the source to those of its image on the target. It follows from functions that are
+//! known on both, by least squares with a preference for maps that commute with the Laplacians; then the points of the
+//! target look for their nearest neighbours among the images of those of the source, a larger `C` follows from them,
+//! and so on.
 
 pub(super) mod matching;
 pub(super) mod side;
@@ -63,8 +65,8 @@ pub struct PointMap {
     pub matched: Option<Vec<u32>>,
     /// For each of them the vertex of the other surface that corresponds to it.
     pub points: Vec<u32>,
-    /// For each of them how well its embedding `x` agrees with the image `y` of what it is matched with, `1 − ‖x − y‖² / (‖x‖² + ‖y‖²)`: 1 where they
-    /// are equal, 0 where they have nothing in common.
+    /// For each of them how well its embedding `x` agrees with the image `y` of what it is matched with,
+    /// `1 − ‖x − y‖² / (‖x‖² + ‖y‖²)`: 1 where they are equal, 0 where they have nothing in common.
     pub confidences: Vec<f32>,
 }
 
@@ -82,7 +84,8 @@ impl PointMap {
 /// A map between two surfaces, and what tells how good it is.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FunctionalMap {
-    /// `C`, `k × k`: column `j` is the image of mode `j` of the source. In coefficients of the stored bases it is `√(A_target / A_source) C`.
+    /// `C`, `k × k`: column `j` is the image of mode `j` of the source. In coefficients of the stored bases it is
+    /// `√(A_target / A_source) C`.
     pub matrix: DenseMatrix,
     /// For vertices of the target the vertices of the source.
     pub to_source: PointMap,
@@ -94,8 +97,8 @@ pub struct FunctionalMap {
     pub orthogonality_defect: f64,
     /// `‖C Λ_source − Λ_target C‖ / ‖C Λ_source‖`: 0 for an isometry.
     pub commutativity_defect: f64,
-    /// The root mean square of the distances, in the spectral embedding of the target, of its vertices to the images of those that they are matched
-    /// with, relative to the size of the embedding.
+    /// The root mean square of the distances, in the spectral embedding of the target, of its vertices to the images of
+    /// those that they are matched with, relative to the size of the embedding.
     pub embedding_error: f64,
     /// The share of the source's area whose vertices are matched with some vertex.
     pub coverage: f64,
@@ -104,7 +107,8 @@ pub struct FunctionalMap {
 /// Finds the map from one surface to another.
 ///
 /// # Errors
-/// [`AnalysisError`] names a landmark that is no vertex, a size out of its range, or says that nothing is known of the map.
+/// [`AnalysisError`] names a landmark that is no vertex, a size out of its range, or says that nothing is known of the
+/// map.
 pub fn functional_map(source: &Basis, target: &Basis, request: &MapRequest) -> Result<FunctionalMap, AnalysisError> {
     check(source, target, request)?;
     let [sources, targets] = [0, 1].map(|end| request.landmarks.iter().map(|pair| pair[end]).collect::<Vec<u32>>());
@@ -151,8 +155,8 @@ fn check(source: &Basis, target: &Basis, request: &MapRequest) -> Result<(), Ana
     Ok(())
 }
 
-/// Times of heat that tell of all the first modes: at the earliest the last of them has hardly decayed, at the latest even the first above zero is
-/// gone.
+/// Times of heat that tell of all the first modes: at the earliest the last of them has hardly decayed, at the latest
+/// even the first above zero is gone.
 fn known_times(eigenvalues: &[f64]) -> Result<Vec<f64>, AnalysisError> {
     let first = kernel_size(eigenvalues)?;
     let last = eigenvalues.last().copied().unwrap_or(1.0);

@@ -36,7 +36,8 @@ impl<'a> Side<'a> {
         Ok(values)
     }
 
-    /// Coefficients at unit area of known functions, a column each, `k × q`: heat that starts at each landmark, signatures, descriptors.
+    /// Coefficients at unit area of known functions, a column each, `k × q`: heat that starts at each landmark,
+    /// signatures, descriptors.
     pub fn known(
         &self,
         request: &MapRequest,

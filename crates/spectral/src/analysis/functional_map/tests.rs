@@ -50,7 +50,8 @@ fn landmarks_decide_between_a_shape_and_its_mirror_image() {
 #[test]
 fn a_refined_chain_is_mapped_to_a_coarse_one() {
     let (coarse, mut fine) = (chain(50, 30), chain(150, 30));
-    // Eigenvalues of a line go with the square of its length, those of a surface, as which it is treated, with the area.
+    // Eigenvalues of a line go with the square of its length, those of a surface, as which it is treated, with the
+    // area.
     fine.eigenvalues.iter_mut().for_each(|value| *value *= 3.0);
     let request = MapRequest { landmarks: vec![[2, 7], [40, 121]], ..request() };
     let map = functional_map(&coarse, &fine, &request).unwrap();
@@ -95,7 +96,8 @@ fn what_does_not_fit_is_named() {
     assert!(error(MapRequest { commutativity: f64::NAN, ..request() }).starts_with("commutativity is NaN"));
 }
 
-/// ZoomOut as it is published, with all vertices, in plain loops: `T(p) = argmin_q ‖Φ_target(p) − C Φ_source(q)‖`, `C = Φ_target⁺ Φ_source(T)`.
+/// ZoomOut as it is published, with all vertices, in plain loops: `T(p) = argmin_q ‖Φ_target(p) − C Φ_source(q)‖`,
+/// `C = Φ_target⁺ Φ_source(T)`.
 fn published(
     [there, here]: [&[Vec<f64>]; 2],
     mass: &[f64],
@@ -124,7 +126,8 @@ fn published(
     (map, found)
 }
 
-/// A chain that is bent: its modes mixed by what depends on the place, so that no map between it and another is a permutation of signs.
+/// A chain that is bent: its modes mixed by what depends on the place, so that no map between it and another is a
+/// permutation of signs.
 fn uneven(n: usize, m: usize, strength: f64) -> Basis {
     // A chain of links of different stiffness, solved densely.
     let mut stiffness = DenseMatrix::zeros(n, n);
@@ -197,7 +200,8 @@ fn both_ways_are_inverse_to_each_other_and_confidence_is_high_where_they_agree()
     }
 }
 
-/// A sphere of the same triangles in other units: everything known is told in the units of each, and nothing else may change.
+/// A sphere of the same triangles in other units: everything known is told in the units of each, and nothing else may
+/// change.
 #[test]
 fn units_of_either_surface_do_not_matter_to_the_map_and_functions_keep_their_values() {
     let small = chain(100, 30);

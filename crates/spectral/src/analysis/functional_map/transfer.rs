@@ -10,8 +10,8 @@ use crate::basis::{Basis, BasisError};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Transfer {
-    /// Each vertex of the target gets the value of the vertex that it is matched with: nothing is smoothed, and no value appears that was not there.
-    /// For colours, labels and texture coordinates.
+    /// Each vertex of the target gets the value of the vertex that it is matched with: nothing is smoothed, and no
+    /// value appears that was not there. For colours, labels and texture coordinates.
     #[default]
     Points,
     /// By `C`, coefficient by coefficient: smooth, and limited to what the modes hold.
@@ -21,12 +21,12 @@ pub enum Transfer {
 impl FunctionalMap {
     /// Carries functions on the source, `n_source × c`, to the target, `n_target × c`.
     ///
-    /// `C` is a map at unit area, where a function has the coefficients `ΦᵀM f / √A`: in those of the bases as they are stored it is
-    /// `√(A_target / A_source) C`.
+    /// `C` is a map at unit area, where a function has the coefficients `ΦᵀM f / √A`: in those of the bases as they are
+    /// stored it is `√(A_target / A_source) C`.
     ///
     /// # Errors
-    /// [`AnalysisError::Basis`] unless there is a row for each vertex of the source; [`AnalysisError::Count`] where not every vertex of the target
-    /// was matched and points are to carry.
+    /// [`AnalysisError::Basis`] unless there is a row for each vertex of the source; [`AnalysisError::Count`] where not
+    /// every vertex of the target was matched and points are to carry.
     pub fn transfer(
         &self,
         source: &Basis,

@@ -1,5 +1,5 @@
-//! How precise the factors of the heat method have to be, and for how long heat has to flow: judged by the residuals of heat from two sources,
-//! and of its potential (`docs/decisions/0109-heat-that-does-not-get-across.md`).
+//! How precise the factors of the heat method have to be, and for how long heat has to flow: judged by the residuals of
+//! heat from two sources, and of its potential (`docs/decisions/0109-heat-that-does-not-get-across.md`).
 
 use std::cmp::Ordering;
 
@@ -10,8 +10,9 @@ use super::super::error::AnalysisError;
 use super::super::unit_gradients::UnitGradients;
 use super::Numbers;
 
-/// What is added to the stiffness, of each component's mass of one, to make it definite while it is factored in single and in double precision. Potentials are
-/// zero at the last vertex of each component then, so that nothing is divided by the pivot which is all of that.
+/// What is added to the stiffness, of each component's mass of one, to make it definite while it is factored in single
+/// and in double precision. Potentials are zero at the last vertex of each component then, so that nothing is divided
+/// by the pivot which is all of that.
 const FLOOR: f64 = 1e-9;
 const FLOOR_OF_DOUBLE: f64 = 1e-13;
 
@@ -21,7 +22,8 @@ const PRECISE: f64 = 3e-5;
 /// The least heat that is known to all its digits, next to the most.
 const LEAST_HEAT: f64 = 1e-280;
 
-/// Where heat differs by less than this share of itself across a component, its differences are rounding: by a factor in single and in double precision.
+/// Where heat differs by less than this share of itself across a component, its differences are rounding: by a factor
+/// in single and in double precision.
 const SAME: f64 = 1e-4;
 const SAME_IN_DOUBLE: f64 = 1e-9;
 
@@ -49,8 +51,9 @@ pub(super) struct Probe<'a> {
 }
 
 impl Probe<'_> {
-    /// A factor by which heat gets across every component in the `given` time, or in its `usual` one, which is made longer until it does; and the
-    /// heat of a source in each component that is far from others. `usual` has a time for each component, in length², by its number.
+    /// A factor by which heat gets across every component in the `given` time, or in its `usual` one, which is made
+    /// longer until it does; and the heat of a source in each component that is far from others. `usual` has a time for
+    /// each component, in length², by its number.
     pub fn heat_for(
         &self,
         given: Option<f64>,
@@ -92,7 +95,8 @@ impl Probe<'_> {
         MassMatrix::Diagonal(own)
     }
 
-    /// Heat of a source in each component, far from another, if a factor knows it everywhere; else which components it does not know it in.
+    /// Heat of a source in each component, far from another, if a factor knows it everywhere; else which components it
+    /// does not know it in.
     fn across(&self, heat: &Numbers, mass: &MassMatrix) -> Result<Vec<f64>, Vec<bool>> {
         let n = self.place.len();
         // The least vertex of a component is its number.
@@ -144,7 +148,8 @@ impl Probe<'_> {
         flowed
     }
 
-    /// Whether `(S + M / t) u = δ` in a row to [`PRECISE`] of what it adds up, with `u` far enough from the least of all numbers.
+    /// Whether `(S + M / t) u = δ` in a row to [`PRECISE`] of what it adds up, with `u` far enough from the least of
+    /// all numbers.
     fn is_heat(&self, row: usize, flowed: &[f64], source: &[f64], mass: &[f64], least: f64) -> bool {
         let own = mass[row] * flowed[row];
         let (mut sum, mut size) = (own - source[row], own.abs() + source[row]);
@@ -187,7 +192,8 @@ impl Probe<'_> {
         }
     }
 
-    /// By which share of the largest potential of its component a factor misses that of a divergence, at most: by what the residual asks for.
+    /// By which share of the largest potential of its component a factor misses that of a divergence, at most: by what
+    /// the residual asks for.
     fn changes(&self, poisson: &Numbers, divergence: &[f64]) -> f64 {
         let mut potential = divergence.to_vec();
         poisson.solve(self.symbolic, self.tree, &mut potential, 1);

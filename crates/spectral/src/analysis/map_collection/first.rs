@@ -6,14 +6,15 @@ use super::known::Known;
 use crate::analysis::error::AnalysisError;
 use crate::analysis::functional_map::matching::transposed;
 
-/// Weights of the terms, each scaled to what it is for maps at random: signatures that are kept, commuting with Laplacians, with products and with
-/// oriented derivatives (those of pyFM, which are of Ren et al. 2018 in order).
+/// Weights of the terms, each scaled to what it is for maps at random: signatures that are kept, commuting with
+/// Laplacians, with products and with oriented derivatives (those of pyFM, which are of Ren et al. 2018 in order).
 const SIGNATURES: f64 = 0.1;
 const LAPLACIANS: f64 = 1e-3;
 const PRODUCTS: f64 = 1.0;
 const TURNS: f64 = 1.0;
 
-/// `argmin` of `a ‖C A − B‖² + b ‖M ∘ C‖² + c Σ ‖C X − Y C‖²` over `k × k` matrices, with the resolvent mask `M` of Ren et al. 2019.
+/// `argmin` of `a ‖C A − B‖² + b ‖M ∘ C‖² + c Σ ‖C X − Y C‖²` over `k × k` matrices, with the resolvent mask `M` of Ren
+/// et al. 2019.
 pub(super) fn map(from: &Known<'_>, to: &Known<'_>, oriented: bool) -> Result<DenseMatrix, AnalysisError> {
     let k = from.signatures.rows();
     let mut system = DenseMatrix::zeros(k * k, k * k);

@@ -1,4 +1,5 @@
-//! The latent basis of a collection: for each shape `Y`, `k × m`, such that all maps take these to each other as nearly as can be.
+//! The latent basis of a collection: for each shape `Y`, `k × m`, such that all maps take these to each other as nearly
+//! as can be.
 
 use chladni_algebra::{DenseMatrix, lowest_symmetric, solve_definite};
 use chladni_base::{Monitor, Quiet};
@@ -15,8 +16,8 @@ pub(super) const LATER_ROUNDS: usize = 2;
 /// Maps whose disagreement is well below its root all count the same.
 const FORGIVEN: f64 = 1e-2;
 
-/// `argmin Σ w ‖C Y_source − Y_target‖²` over latent bases that are orthonormal together. Weights fall with the square of what a pair disagrees by,
-/// so that maps that failed count little (iterative reweighting).
+/// `argmin Σ w ‖C Y_source − Y_target‖²` over latent bases that are orthonormal together. Weights fall with the square
+/// of what a pair disagrees by, so that maps that failed count little (iterative reweighting).
 pub(super) struct Latent {
     /// `Y` of each shape, scaled so that orthonormal columns would have length 1.
     bases: Vec<DenseMatrix>,

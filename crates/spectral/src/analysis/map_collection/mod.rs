@@ -1,11 +1,12 @@
 //! Maps between all shapes of a collection at once, without landmarks.
 //!
-//! For every pair a first map follows from wave kernel signatures: it takes them to each other, commutes with the Laplacians, with products by the
-//! signatures (Nogneng and Ovsjanikov 2017) and with their oriented derivatives (Ren et al. 2018), which tell the left side of a symmetric shape from
-//! the right. ZoomOut makes it larger. Single pairs fail even so; together they need not: a common latent basis in which all maps are nearly the
-//! identity (Wang et al. 2013; Huang et al. 2020, Consistent ZoomOut) follows mostly the maps that agree with each other. All shapes are then
-//! embedded in the latent space, neighbours in it make new maps, these a larger latent basis, and so on. At the end each pair is polished by itself:
-//! most shapes are nearer to each other than to what all have in common.
+//! For every pair a first map follows from wave kernel signatures: it takes them to each other, commutes with the
+//! Laplacians, with products by the signatures (Nogneng and Ovsjanikov 2017) and with their oriented derivatives (Ren
+//! et al. 2018), which tell the left side of a symmetric shape from the right. ZoomOut makes it larger. Single pairs
+//! fail even so; together they need not: a common latent basis in which all maps are nearly the identity (Wang et al.
+//! 2013; Huang et al. 2020, Consistent ZoomOut) follows mostly the maps that agree with each other. All shapes are then
+//! embedded in the latent space, neighbours in it make new maps, these a larger latent basis, and so on. At the end
+//! each pair is polished by itself: most shapes are nearer to each other than to what all have in common.
 
 mod cost;
 mod cycles;
@@ -78,9 +79,11 @@ pub struct CollectionRequest {
     pub step: usize,
     /// Vertices of each surface that stand for it while maps are refined.
     pub samples: usize,
-    /// Whether maps keep the orientation that the faces of the meshes give. Without it nothing tells the sides of a symmetric shape apart.
+    /// Whether maps keep the orientation that the faces of the meshes give. Without it nothing tells the sides of a
+    /// symmetric shape apart.
     pub oriented: bool,
-    /// Whether each pair is refined by itself at the end, from the consistent map on. That is nearer to the truth, and a little less consistent.
+    /// Whether each pair is refined by itself at the end, from the consistent map on. That is nearer to the truth, and
+    /// a little less consistent.
     pub polish: bool,
 }
 
@@ -101,7 +104,8 @@ pub struct CollectionMap {
     pub matrix: DenseMatrix,
     /// For every vertex of the target the vertex of the source that corresponds to it.
     pub to_source: PointMap,
-    /// `‖C Y_source − Y_target‖ / √m` of the last map that points alone made: how far the pair was from what the collection agrees on.
+    /// `‖C Y_source − Y_target‖ / √m` of the last map that points alone made: how far the pair was from what the
+    /// collection agrees on.
     pub disagreement: f64,
 }
 
@@ -117,7 +121,8 @@ pub struct MapCollection {
 /// Maps by ordered pair.
 type Maps = Vec<((usize, usize), DenseMatrix)>;
 
-/// Finds the maps between all shapes of a collection. Announces the stages `descriptors`, `first_maps`, `consistency` and `points`.
+/// Finds the maps between all shapes of a collection. Announces the stages `descriptors`, `first_maps`, `consistency`
+/// and `points`.
 ///
 /// # Errors
 /// [`AnalysisError`] names a size out of its range, or a shape whose mesh does not fit or whose spectrum tells nothing.

@@ -27,7 +27,8 @@ pub(super) fn standing(side: &Side<'_>, request: &CollectionRequest) -> Result<S
     Standing::new(side.at(&side.samples(samples(request)), request.pairs, "sample")?)
 }
 
-/// The map from one shape to another, each with what is [`standing`] for it, and for all vertices of that the matches on this one.
+/// The map from one shape to another, each with what is [`standing`] for it, and for all vertices of that the matches
+/// on this one.
 pub(super) fn map(
     (source, there): (&Side<'_>, &Standing),
     (target, here): (&Side<'_>, &Standing),

@@ -92,7 +92,8 @@ fn a_symmetric_shape_is_mapped_with_its_sides_whatever_the_order_of_its_vertices
     assert!(found.cycles.pairs < 0.01 && found.cycles.triples.unwrap() < 0.01, "{:?}", found.cycles);
 }
 
-/// Seen in a mirror, with faces that are counter-clockwise again, the figure is the same: its right hand is where the left one was.
+/// Seen in a mirror, with faces that are counter-clockwise again, the figure is the same: its right hand is where the
+/// left one was.
 #[test]
 fn orientation_tells_left_from_right() {
     let figure = figure();

@@ -34,8 +34,9 @@ impl Camera {
         View::new(self, 1).is_some()
     }
 
-    /// The camera that sees all of a mesh from a direction, as large as its picture allows, with `margin` around it in the units of the mesh. A
-    /// direction along `up` is turned a little. What cannot be seen at all gives a camera that no picture is drawn with.
+    /// The camera that sees all of a mesh from a direction, as large as its picture allows, with `margin` around it in
+    /// the units of the mesh. A direction along `up` is turned a little. What cannot be seen at all gives a camera that
+    /// no picture is drawn with.
     pub fn fitted(mesh: &TriangleMesh, from: [f64; 3], margin: f64, camera: Self) -> Self {
         let away = unit_vector(from);
         let lies_along = dot(cross(camera.up, away), cross(camera.up, away)) <= 1e-12 * dot(camera.up, camera.up);
@@ -46,7 +47,8 @@ impl Camera {
         let axes = [right, cross(away, right), away];
         let slope = (0.5 * camera.angle.to_radians()).tan();
         let slopes = [slope * f64::from(camera.width) / f64::from(camera.height.max(1)), slope].map(|s| s * FILLED);
-        // So far back that every vertex lies within the pyramid of the picture, which is moved sideways to sit between the outermost ones.
+        // So far back that every vertex lies within the pyramid of the picture, which is moved sideways to sit between
+        // the outermost ones.
         let used = || mesh.faces.iter().flatten().filter_map(|&v| mesh.positions.get(v as usize));
         let seen = |p: &[f64; 3]| axes.map(|axis| dot([0, 1, 2].map(|i| p[i] - centre[i]), axis));
         let (mut shift, mut back) = ([0.0; 2], 0.0f64);
@@ -102,7 +104,8 @@ pub(super) struct View {
 }
 
 impl View {
-    /// The projection with `fine` pixels along each pixel of the camera; `None` where it looks nowhere, or its picture has no size or is too large.
+    /// The projection with `fine` pixels along each pixel of the camera; `None` where it looks nowhere, or its picture
+    /// has no size or is too large.
     pub fn new(camera: &Camera, fine: usize) -> Option<Self> {
         let along = [0, 1, 2].map(|i| camera.target[i] - camera.eye[i]);
         let sideways = cross(along, camera.up);

@@ -62,8 +62,9 @@ pub struct Coat {
     pub normals: Vec<[f64; 3]>,
 }
 
-/// Grows a coat along a vector field of two numbers per face, with a factor of the length for each face where `lengths` are given. The same seed
-/// gives the same coat. `None` unless field and lengths fit, the parameters are finite and in their ranges, and the surface has an area.
+/// Grows a coat along a vector field of two numbers per face, with a factor of the length for each face where `lengths`
+/// are given. The same seed gives the same coat. `None` unless field and lengths fit, the parameters are finite and in
+/// their ranges, and the surface has an area.
 ///
 /// # Errors
 /// [`Cancelled`].

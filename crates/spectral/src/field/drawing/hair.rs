@@ -1,4 +1,5 @@
-//! Fur as pixels: strands with depth, lit along their length (Kajiya and Kay 1989), with the shadows that they throw on each other.
+//! Fur as pixels: strands with depth, lit along their length (Kajiya and Kay 1989), with the shadows that they throw on
+//! each other.
 
 use std::ops::Range;
 
@@ -39,7 +40,8 @@ pub struct HairStyle {
     pub background: [f64; 3],
     /// Towards the light; above the left shoulder of who looks, where it is left out.
     pub light: Option<[f64; 3]>,
-    /// The width of strands at their root in the units of the input; where it is left out as much as covers the surface.
+    /// The width of strands at their root in the units of the input; where it is left out as much as covers the
+    /// surface.
     pub thickness: Option<f64>,
 }
 
@@ -49,7 +51,8 @@ impl Default for HairStyle {
     }
 }
 
-/// Paints a coat as a PNG; `None` where the camera looks nowhere, or its picture has no size or more than [`MOST_PAINTED`] pixels.
+/// Paints a coat as a PNG; `None` where the camera looks nowhere, or its picture has no size or more than
+/// [`MOST_PAINTED`] pixels.
 ///
 /// # Errors
 /// [`Cancelled`].

@@ -1,8 +1,9 @@
-//! Hatchings: which parts of the lines on a surface are drawn, and how wide, so that their density is the tone of the light.
+//! Hatchings: which parts of the lines on a surface are drawn, and how wide, so that their density is the tone of the
+//! light.
 //!
-//! Lines come in levels, each of half the distance of the one before. Darker places take more levels, and lines swell as they are needed; from a
-//! darkness on the lines of other directions cross the first. What turns away from the eye would look darker than it is, as its lines stand closer:
-//! it takes fewer.
+//! Lines come in levels, each of half the distance of the one before. Darker places take more levels, and lines swell
+//! as they are needed; from a darkness on the lines of other directions cross the first. What turns away from the eye
+//! would look darker than it is, as its lines stand closer: it takes fewer.
 
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::TriangleMesh;
@@ -26,13 +27,15 @@ const MOST_SAMPLES: u64 = 20_000_000;
 /// Strokes shorter than so many widths of the pen are left out.
 const LEAST_LENGTH: f64 = 3.0;
 
-/// Gaps of so many samples in outlines are closed: their places are off by about a pixel where normals and faces do not agree.
+/// Gaps of so many samples in outlines are closed: their places are off by about a pixel where normals and faces do not
+/// agree.
 const OUTLINE_GAP: usize = 6;
 
 /// Lines end at this distance from what lies clearly before them, in widths of the pen.
 const HALO: f64 = 1.6;
 
-/// Places of a line that are looked at together for corners that nobody sees: a line that goes to and fro would take the square of all of them.
+/// Places of a line that are looked at together for corners that nobody sees: a line that goes to and fro would take
+/// the square of all of them.
 const TOGETHER: usize = 512;
 
 /// Corners of strokes that are off by less than this, in pixels, are left out.
@@ -45,7 +48,8 @@ pub struct Tone {
     pub light: Option<[f64; 3]>,
     /// The brightness, from 0 to 1, from which on no line is drawn.
     pub highlight: f64,
-    /// The darkness, from 0 (the brightness of highlights) to 1, from which on lines are crossed; from 1 on they never are.
+    /// The darkness, from 0 (the brightness of highlights) to 1, from which on lines are crossed; from 1 on they never
+    /// are.
     pub cross: f64,
     /// Whether the surface throws shadows on itself.
     pub shadows: bool,
@@ -81,7 +85,8 @@ impl Default for HatchingStyle {
 pub struct HatchedLines<'a> {
     /// Lines of the field.
     pub lines: &'a [Streamline],
-    /// In how many directions they run at each place: of several, the one nearest to the diagonal of the picture comes first.
+    /// In how many directions they run at each place: of several, the one nearest to the diagonal of the picture comes
+    /// first.
     pub kinds: u32,
     /// Lines across them, for shadows.
     pub crossing: &'a [Streamline],
@@ -89,7 +94,8 @@ pub struct HatchedLines<'a> {
     pub levels: u32,
 }
 
-/// Draws lines as a camera sees them, without what the surface hides; `None` where the camera looks nowhere, or its drawing has no size.
+/// Draws lines as a camera sees them, without what the surface hides; `None` where the camera looks nowhere, or its
+/// drawing has no size.
 ///
 /// # Errors
 /// The monitor asked to stop.
@@ -239,7 +245,8 @@ impl Pencil<'_> {
         }
     }
 
-    /// How much a line is one of the first direction: of several kinds those that run like a hand draws, from the lower left to the upper right.
+    /// How much a line is one of the first direction: of several kinds those that run like a hand draws, from the lower
+    /// left to the upper right.
     fn share_of_first(&self, spot: &Spot) -> f64 {
         if self.hatched.kinds <= 1 {
             return 1.0;

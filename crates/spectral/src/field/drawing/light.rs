@@ -22,7 +22,8 @@ const FAR: f64 = 100.0;
 /// What lies before a point by less than this share of the diagonal throws no shadow on it.
 const SHADOW_SLACK: f64 = 0.012;
 
-/// Unit normals of the corners of faces: means by area over the faces around a vertex that lie on the same side of creases.
+/// Unit normals of the corners of faces: means by area over the faces around a vertex that lie on the same side of
+/// creases.
 pub(super) fn corner_normals(mesh: &TriangleMesh) -> Vec<[[f64; 3]; 3]> {
     let along = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|i| b[i] - a[i]);
     let areas: Vec<[f64; 3]> = mesh

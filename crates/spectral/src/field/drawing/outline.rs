@@ -27,7 +27,8 @@ struct Piece {
     face: u32,
 }
 
-/// Silhouettes seen from the eye, where the normal between those of corners turns from it to away from it, then creases and boundaries.
+/// Silhouettes seen from the eye, where the normal between those of corners turns from it to away from it, then creases
+/// and boundaries.
 pub(super) fn outlines(surface: &FieldSurface, normals: &[[[f64; 3]; 3]], eye: [f64; 3]) -> Vec<Streamline> {
     let mut lines = chains(&silhouettes(surface, normals, eye));
     lines.extend(chains(&edges(surface)));

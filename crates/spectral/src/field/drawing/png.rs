@@ -2,7 +2,8 @@
 
 use png::{BitDepth, ColorType, Compression, Encoder, Filter};
 
-/// A picture of `channels` bytes a pixel, 1 (grey) or 3 (red, green, blue), row by row from the top; `None` where their number does not fit.
+/// A picture of `channels` bytes a pixel, 1 (grey) or 3 (red, green, blue), row by row from the top; `None` where their
+/// number does not fit.
 pub fn png(width: u32, height: u32, channels: usize, pixels: &[u8]) -> Option<Vec<u8>> {
     let colour = match channels {
         1 => ColorType::Grayscale,

@@ -9,7 +9,8 @@ use super::camera::{Camera, View, diagonal};
 /// No face.
 const NOTHING: u32 = u32::MAX;
 
-/// Depths that are compared may differ by this share of the diagonal of the mesh: lines lie in the surface, and a pixel knows one of its faces.
+/// Depths that are compared may differ by this share of the diagonal of the mesh: lines lie in the surface, and a pixel
+/// knows one of its faces.
 const SLACK: f64 = 0.002;
 
 /// Depth and face of the nearest surface at each pixel.
@@ -23,7 +24,8 @@ pub(super) struct Screen<'a> {
     slack: f64,
 }
 
-/// Visits the pixels whose middle lies in a triangle of the picture, with the weights of its corners as they are in space, and the depth there.
+/// Visits the pixels whose middle lies in a triangle of the picture, with the weights of its corners as they are in
+/// space, and the depth there.
 pub(super) fn fill(size: [usize; 2], [a, b, c]: [[f64; 3]; 3], mut visit: impl FnMut(usize, [f64; 3], f64)) {
     let range = |i: usize, most: usize| {
         let low = a[i].min(b[i]).min(c[i]).floor().max(0.0);
@@ -69,7 +71,8 @@ impl<'a> Screen<'a> {
         Some(Self { mesh, view, depth, face, slack: SLACK * diagonal(mesh) })
     }
 
-    /// The depth of the surface at a place of the picture, on the plane of the face that its pixel shows; infinite beside the surface.
+    /// The depth of the surface at a place of the picture, on the plane of the face that its pixel shows; infinite
+    /// beside the surface.
     pub fn depth_at(&self, x: f64, y: f64) -> f64 {
         let Some(pixel) = self.view.pixel(x, y) else { return f64::INFINITY };
         let Some(face) = self.mesh.faces.get(self.face[pixel] as usize) else { return f64::INFINITY };
@@ -91,8 +94,8 @@ impl<'a> Screen<'a> {
         self.view.pixel(p[0], p[1]).is_some() && p[2] <= self.depth_at(p[0], p[1]) + self.slack
     }
 
-    /// The same of a point at the edge of what is seen, `reach` pixels of which may be on either side of the edge: it shows where anything around it
-    /// does.
+    /// The same of a point at the edge of what is seen, `reach` pixels of which may be on either side of the edge: it
+    /// shows where anything around it does.
     pub fn shows_edge(&self, p: [f64; 3], reach: i32) -> bool {
         let around = || (-reach..=reach).map(f64::from);
         let far = p[2] - 4.0 * self.slack;

@@ -1,8 +1,10 @@
-//! The smoothest cross field of all fields of a surface that runs along its creases: a harmonic representation with values given at their faces.
+//! The smoothest cross field of all fields of a surface that runs along its creases: a harmonic representation with
+//! values given at their faces.
 //!
-//! Card. `Σ_e w_e |u_i − P u_j|²` of the transport Laplacian with `n = 4`, the fourth powers of the directions of creases held on the faces beside
-//! them, and where it is wanted `w Σ_f a_f s_f |u_f − κ_f|²` with the principal directions `κ` and how clear they are, `s`. Where nothing is held the
-//! field of least energy and length 1 is taken (Knöppel, Crane, Pinkall and Schröder 2013). How it is computed stands in [`super::smoothest`].
+//! Card. `Σ_e w_e |u_i − P u_j|²` of the transport Laplacian with `n = 4`, the fourth powers of the directions of
+//! creases held on the faces beside them, and where it is wanted `w Σ_f a_f s_f |u_f − κ_f|²` with the principal
+//! directions `κ` and how clear they are, `s`. Where nothing is held the field of least energy and length 1 is taken
+//! (Knöppel, Crane, Pinkall and Schröder 2013). How it is computed stands in [`super::smoothest`].
 
 use std::collections::HashMap;
 
@@ -41,8 +43,8 @@ pub struct CrossField {
     pub field: Vec<f32>,
     /// The edges of creases and boundaries that it follows.
     pub creases: Vec<u32>,
-    /// By how many degrees it misses them: the mean by length, over both sides, and the most. A face with two creases that stand at no right angle
-    /// can follow one of them.
+    /// By how many degrees it misses them: the mean by length, over both sides, and the most. A face with two creases
+    /// that stand at no right angle can follow one of them.
     pub crease_error: [f64; 2],
 }
 
@@ -106,8 +108,8 @@ impl CrossField {
     }
 }
 
-/// The crosses of a field of another kind, as they are stored: of a vector or a line field those that it lies on, of tensors their eigendirections.
-/// `None` for n-fields with `n` that does not divide 4.
+/// The crosses of a field of another kind, as they are stored: of a vector or a line field those that it lies on, of
+/// tensors their eigendirections. `None` for n-fields with `n` that does not divide 4.
 pub fn crosses_of(kind: FieldKind, field: &[f32]) -> Option<Vec<f32>> {
     let order = kind.order();
     if !matches!(order, 1 | 2 | 4) {

@@ -1,8 +1,9 @@
 //! Directions of a cross field that go on from face to face, everywhere but across a cut.
 //!
-//! A tree of shortest paths joins the singular vertices and the boundaries; a tree of faces that crosses none of them leaves the edges of handles
-//! beside (Eppstein 2003). Along the tree of faces the first direction of a face is the one that the first of its parent goes on as. What hangs free
-//! among the edges that are not crossed is taken off again: around an ordinary vertex with one edge left, directions go on across that too.
+//! A tree of shortest paths joins the singular vertices and the boundaries; a tree of faces that crosses none of them
+//! leaves the edges of handles beside (Eppstein 2003). Along the tree of faces the first direction of a face is the one
+//! that the first of its parent goes on as. What hangs free among the edges that are not crossed is taken off again:
+//! around an ordinary vertex with one edge left, directions go on across that too.
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
@@ -24,12 +25,14 @@ use crate::operator::transport::FieldKind;
 pub struct Combed {
     /// One of the four directions of each face, of length 1 in its frame: inside the cut it goes on from face to face.
     pub directions: Vec<Planar>,
-    /// For each edge, from its lower face to the upper one: direction `k` of four, counted counter-clockwise from the one with the least angle from 0
-    /// to 90 degrees in the frame, goes on as direction `k + matching`.
+    /// For each edge, from its lower face to the upper one: direction `k` of four, counted counter-clockwise from the
+    /// one with the least angle from 0 to 90 degrees in the frame, goes on as direction `k + matching`.
     pub matching: Vec<u8>,
-    /// For each edge: the direction of the upper face is that of the lower one, turned by so many quarters; 0 but on the cut.
+    /// For each edge: the direction of the upper face is that of the lower one, turned by so many quarters; 0 but on
+    /// the cut.
     pub jumps: Vec<u8>,
-    /// Whether an edge is cut. What is left is, on each component, a disk or ends at the boundary, and no singular vertex lies inside.
+    /// Whether an edge is cut. What is left is, on each component, a disk or ends at the boundary, and no singular
+    /// vertex lies inside.
     pub cut: Vec<bool>,
     /// The singular vertices.
     pub singularities: Vec<Singularity>,
@@ -40,7 +43,8 @@ const PIECE: usize = 1 << 12;
 
 const KIND: FieldKind = FieldKind::NVector { n: 4 };
 
-/// Combs a cross field of representations, `2F` numbers of any length. `matching` has full turns of the representation beyond the least angle.
+/// Combs a cross field of representations, `2F` numbers of any length. `matching` has full turns of the representation
+/// beyond the least angle.
 ///
 /// # Errors
 /// [`QuadError`]: a field of another size, or a face without a direction.
@@ -94,7 +98,8 @@ fn matched(surface: &FieldSurface, first: &[f64], angles: &[f64]) -> Vec<u8> {
         .map(|(edge, (&[low, high], angle))| {
             let carried = frames.carry(dual, low as usize, dual.slot(low, edge as u32));
             let Some(Turn { by: carried, .. }) = carried.filter(|_| high != NO_FACE) else { return 0 };
-            // The first direction of the lower face, turned as the field turns, against the first one of the upper face; whole quarters but for rounding.
+            // The first direction of the lower face, turned as the field turns, against the first one of the upper
+            // face; whole quarters but for rounding.
             let there = first[high as usize] + carried[1].atan2(carried[0]);
             ((first[low as usize] + angle / 4.0 - there) / FRAC_PI_2).round().rem_euclid(4.0) as u8
         })
@@ -126,8 +131,8 @@ fn singular_vertices(surface: &FieldSurface, angles: &[f64], matching: &[u8]) ->
     vertices.map_init(Vec::new, one).flatten_iter().collect()
 }
 
-/// The edges of paths that join singular vertices and boundaries, on each component: of the shortest ways between those that are next to each other
-/// as many as make a tree.
+/// The edges of paths that join singular vertices and boundaries, on each component: of the shortest ways between those
+/// that are next to each other as many as make a tree.
 fn joined(surface: &FieldSurface, singular: &[bool], boundary: &[bool]) -> Vec<bool> {
     let (mesh, dual) = (surface.mesh(), surface.dual());
     let vertices = mesh.positions.len();
@@ -229,7 +234,8 @@ impl Ord for Ordered {
     }
 }
 
-/// Walks a tree of faces that crosses no path: which of its directions goes on from its parent's, and the inner edges that are not crossed.
+/// Walks a tree of faces that crosses no path: which of its directions goes on from its parent's, and the inner edges
+/// that are not crossed.
 fn spanned(surface: &FieldSurface, paths: &[bool], matching: &[u8]) -> (Vec<u8>, Vec<bool>) {
     let dual = surface.dual();
     let (mut turns, mut seen) = (vec![0u8; surface.faces()], vec![false; surface.faces()]);

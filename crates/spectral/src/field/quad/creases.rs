@@ -5,8 +5,8 @@ use chladni_mesh::dual::NO_FACE;
 use super::super::basis::FieldSurface;
 use crate::operator::frames::dot;
 
-/// The inner edges whose faces turn by at least `angle` degrees from one to the other, and with `boundary` those of one face; edges as the dual graph
-/// counts, ascending. Faces without area have no normal, and no sharp edges.
+/// The inner edges whose faces turn by at least `angle` degrees from one to the other, and with `boundary` those of one
+/// face; edges as the dual graph counts, ascending. Faces without area have no normal, and no sharp edges.
 pub fn creases(surface: &FieldSurface, angle: Option<f64>, boundary: bool) -> Vec<u32> {
     let (dual, frames) = (surface.dual(), surface.frames());
     let least = 1e-8 / surface.faces() as f64;

@@ -1,7 +1,8 @@
-//! Nested dissection of the vertices of a large surface by planes (after Heath and Raghavan 1995): parts are halved across their longest direction,
-//! and what lies beside the cut on one side comes last.
+//! Nested dissection of the vertices of a large surface by planes (after Heath and Raghavan 1995): parts are halved
+//! across their longest direction, and what lies beside the cut on one side comes last.
 //!
-//! On surfaces planes separate about as well as what graph partitioning finds, and are found in a tenth of the time, on all threads.
+//! On surfaces planes separate about as well as what graph partitioning finds, and are found in a tenth of the time, on
+//! all threads.
 
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
@@ -11,7 +12,8 @@ const LEAF: usize = 24;
 /// Parts of so many are divided on one thread.
 const ALONE: usize = 1 << 12;
 
-/// What separates the halves of a part is at most so many times the root of its vertices: on surfaces that lie in many layers planes cut all of them.
+/// What separates the halves of a part is at most so many times the root of its vertices: on surfaces that lie in many
+/// layers planes cut all of them.
 const WIDEST: f64 = 6.0;
 
 /// The label of what is placed.
@@ -26,8 +28,8 @@ pub(super) struct Neighbours<'a> {
 struct Dissection<'a> {
     positions: &'a [[f64; 3]],
     neighbours: &'a Neighbours<'a>,
-    /// The part that a vertex belongs to. Each is written by the one task that has its part; what others read of it is never the label that they look
-    /// for.
+    /// The part that a vertex belongs to. Each is written by the one task that has its part; what others read of it is
+    /// never the label that they look for.
     labels: Vec<AtomicU32>,
     /// Whether some large part is cut by too wide a row of vertices.
     wide: AtomicBool,
@@ -93,7 +95,8 @@ impl Dissection<'_> {
         vertices.iter_mut().zip(ordered).for_each(|(to, from)| *to = from);
     }
 
-    /// The direction in which a part is longest: the first eigenvector of its covariance, by a few steps of the power method.
+    /// The direction in which a part is longest: the first eigenvector of its covariance, by a few steps of the power
+    /// method.
     fn longest(&self, vertices: &[u32]) -> [f64; 3] {
         // A few hundred of them know it.
         let step = vertices.len().div_ceil(512);

@@ -1,5 +1,5 @@
-//! Parametrisations and cross fields as files of others: OBJ with texture coordinates, legacy VTK, and the text files of Directional
-//! (<https://avaxman.github.io/Directional/file_formats/>).
+//! Parametrisations and cross fields as files of others: OBJ with texture coordinates, legacy VTK, and the text files
+//! of Directional (<https://avaxman.github.io/Directional/file_formats/>).
 
 use std::io::{self, Write};
 
@@ -10,7 +10,8 @@ use super::super::loops::ends;
 use super::{Combed, Parametrisation};
 use crate::operator::frames::{multiply, power};
 
-/// The corners of each face numbered so that two at one vertex share a number where no seam lies between them, and the corner of each number.
+/// The corners of each face numbered so that two at one vertex share a number where no seam lies between them, and the
+/// corner of each number.
 fn unfolded(surface: &FieldSurface, combed: &Combed) -> (Vec<[u32; 3]>, Vec<[usize; 2]>) {
     let (mesh, dual) = (surface.mesh(), surface.dual());
     let mut numbers = vec![[0u32; 3]; surface.faces()];
@@ -61,8 +62,8 @@ pub fn write_obj(
     Ok(())
 }
 
-/// Legacy VTK (text): points are those of the surface cut open, with `uv` on them; cells have the first direction of the cross and whether they are
-/// turned over.
+/// Legacy VTK (text): points are those of the surface cut open, with `uv` on them; cells have the first direction of
+/// the cross and whether they are turned over.
 ///
 /// # Errors
 /// Those of the writer.
@@ -116,8 +117,8 @@ pub fn write_raw_field(surface: &FieldSurface, combed: &Combed, out: &mut dyn Wr
     Ok(())
 }
 
-/// Directional's `.matching` of the directions in [`write_raw_field`]: for each inner edge its faces, its vertices, and by how much numbers of
-/// directions go on from the first face to the second.
+/// Directional's `.matching` of the directions in [`write_raw_field`]: for each inner edge its faces, its vertices, and
+/// by how much numbers of directions go on from the first face to the second.
 ///
 /// # Errors
 /// Those of the writer.

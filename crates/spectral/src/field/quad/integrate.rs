@@ -1,7 +1,8 @@
-//! Coordinates whose grid lines follow a cross field, seamless across its cut (Kälberer, Nieser and Polthier 2007; Bommes, Zimmer and Kobbelt 2009).
+//! Coordinates whose grid lines follow a cross field, seamless across its cut (Kälberer, Nieser and Polthier 2007;
+//! Bommes, Zimmer and Kobbelt 2009).
 //!
-//! `Σ_f A_f w_f |∇z − X_f / h|²` is least under the transitions of [`super::seams`], by one sparse factor. Where faces come out turned over, and it
-//! is wanted, they are made stiffer and the factor is computed again.
+//! `Σ_f A_f w_f |∇z − X_f / h|²` is least under the transitions of [`super::seams`], by one sparse factor. Where faces
+//! come out turned over, and it is wanted, they are made stiffer and the factor is computed again.
 
 use chladni_algebra::{Ordering, SparseMatrix, fill_reducing_order};
 use chladni_base::Monitor;
@@ -102,8 +103,8 @@ pub struct ParametrisationParameters {
     pub integers: bool,
     /// Edges that are to lie on grid lines.
     pub creases: Vec<u32>,
-    /// How often faces that are turned over are made stiffer, at most; where it is not 0, what is left of them is turned back by moving vertices
-    /// around it.
+    /// How often faces that are turned over are made stiffer, at most; where it is not 0, what is left of them is
+    /// turned back by moving vertices around it.
     pub stiffening: u32,
 }
 
@@ -114,10 +115,11 @@ pub struct Parametrisation {
     pub coordinates: Vec<[Planar; 3]>,
     /// Faces that are turned over, or have no area in the coordinates.
     pub inverted: Vec<u32>,
-    /// The root of the mean square, by area, of how far gradients are from the directions, where 1 is the length of those.
+    /// The root of the mean square, by area, of how far gradients are from the directions, where 1 is the length of
+    /// those.
     pub deviation: f64,
-    /// The length between grid lines in the units of the mesh: half of what was asked for where singular vertices and translations can be whole only
-    /// so.
+    /// The length between grid lines in the units of the mesh: half of what was asked for where singular vertices and
+    /// translations can be whole only so.
     pub spacing: f64,
     /// With whole translations, how far the worst is from a whole number.
     pub misfit: Option<f64>,
@@ -234,7 +236,8 @@ fn turned_over(coordinates: &[[Planar; 3]]) -> Vec<u32> {
     (0..coordinates.len() as u32).filter(|&face| !(area(coordinates[face as usize]) > 0.0)).collect()
 }
 
-/// The gradient of the coordinates of a face against its direction, as the two numbers of a linear map `z ↦ a z + b z̄` that would be 1 and 0.
+/// The gradient of the coordinates of a face against its direction, as the two numbers of a linear map `z ↦ a z + b z̄`
+/// that would be 1 and 0.
 fn map(parts: &Parts, face: usize, coordinates: &[Planar; 3]) -> [Planar; 2] {
     // From two edges, each with what it should be and what it is.
     let [e, f] = [1, 2].map(|k| parts.wanted(face, k));

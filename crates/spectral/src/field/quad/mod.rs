@@ -1,5 +1,5 @@
-//! The way from cross fields to quads: a field that follows creases and boundaries, the surface cut open at its singular vertices, and a seamless
-//! parametrisation whose grid lines run along it.
+//! The way from cross fields to quads: a field that follows creases and boundaries, the surface cut open at its
+//! singular vertices, and a seamless parametrisation whose grid lines run along it.
 //!
 //! | file | what |
 //! |---|---|

@@ -1,9 +1,10 @@
 //! Faces that stay turned over when vertices are moved alone are turned back together with the faces around them.
 //!
-//! On a patch of a few rings `Σ A (|J|² + λ (1 + det² J)) / χ(det J)` is made small, where `J` is the gradient of the coordinates against the
-//! directions and `χ(D) = (D + √(ε² + D²)) / 2` takes the place of a determinant that is not positive (Garanzha, Kaporin, Kudryavtseva, Protais, Ray
-//! and Sokolov 2021). `ε` shrinks with the worst determinant, so that the sum is a barrier in the end. One vertex after the other takes a step of
-//! Newton's method; what does not lessen the number of faces turned over is undone.
+//! On a patch of a few rings `Σ A (|J|² + λ (1 + det² J)) / χ(det J)` is made small, where `J` is the gradient of the
+//! coordinates against the directions and `χ(D) = (D + √(ε² + D²)) / 2` takes the place of a determinant that is not
+//! positive (Garanzha, Kaporin, Kudryavtseva, Protais, Ray and Sokolov 2021). `ε` shrinks with the worst determinant,
+//! so that the sum is a barrier in the end. One vertex after the other takes a step of Newton's method; what does not
+//! lessen the number of faces turned over is undone.
 
 use chladni_base::{Cancelled, Monitor};
 
@@ -124,7 +125,8 @@ fn free(parts: &Parts, held: &[Held], patch: &[u32]) -> Vec<Free> {
     free.collect()
 }
 
-/// A face as it changes with one of its corners: `|J|² = square + slope · s + bend |s|² / 2` and `det J = determinant + rise · s`.
+/// A face as it changes with one of its corners: `|J|² = square + slope · s + bend |s|² / 2` and
+/// `det J = determinant + rise · s`.
 #[derive(Clone, Copy)]
 struct Piece {
     area: f64,

@@ -1,12 +1,12 @@
-//! Whole numbers for some unknowns: one after the other the one that is nearest to a whole number, with all others following (Bommes, Zimmer and
-//! Kobbelt 2009).
+//! Whole numbers for some unknowns: one after the other the one that is nearest to a whole number, with all others
+//! following (Bommes, Zimmer and Kobbelt 2009).
 //!
-//! Where one that is fixed decides others with it, these have to come out whole as well: of four edges of one length the sum is whole for quarters
-//! of edges too. So of all that are decided together the one that moves least comes first, and takes the nearest whole number that makes the others
-//! whole.
+//! Where one that is fixed decides others with it, these have to come out whole as well: of four edges of one length
+//! the sum is whole for quarters of edges too. So of all that are decided together the one that moves least comes
+//! first, and takes the nearest whole number that makes the others whole.
 //!
-//! How unknowns follow is known from the compliance `C = Eᵀ A⁻¹ E` of those that are to be whole, a dense matrix: fixing one is an update of rank
-//! one, and not a solve.
+//! How unknowns follow is known from the compliance `C = Eᵀ A⁻¹ E` of those that are to be whole, a dense matrix:
+//! fixing one is an update of rank one, and not a solve.
 
 use chladni_algebra::SparseMatrix;
 use chladni_base::Monitor;
@@ -20,7 +20,8 @@ const AT_ONCE: usize = 32;
 /// An unknown whose compliance falls below this share follows from those that are fixed.
 const FOLLOWS: f64 = 1e-8;
 
-/// One whose compliance falls below this share follows but for the give of creases, which are stiff and not rigid: that is not used up to make it whole.
+/// One whose compliance falls below this share follows but for the give of creases, which are stiff and not rigid: that
+/// is not used up to make it whole.
 const STIFF: f64 = 1e-5;
 
 /// What follows is whole if it comes so near to a whole number.
@@ -32,9 +33,10 @@ const TRIED: i32 = 12;
 /// What is nearer to a whole number than this is made that number, so that closures hold exactly.
 const WHOLE: f64 = 1e-3;
 
-/// Rounds unknowns of a solution of a matrix, the `leading` ones of them before the others. How far the worst of them is from a whole number after it: a
-/// half where whole numbers of the others force it. Groups of unknowns that have nothing to do with each other (see [`apart`]) are rounded each by itself,
-/// and one solve tells how the unknowns of all of them follow.
+/// Rounds unknowns of a solution of a matrix, the `leading` ones of them before the others. How far the worst of them
+/// is from a whole number after it: a half where whole numbers of the others force it. Groups of unknowns that have
+/// nothing to do with each other (see [`apart`]) are rounded each by itself, and one solve tells how the unknowns of
+/// all of them follow.
 ///
 /// # Errors
 /// Cancellation.
@@ -83,7 +85,8 @@ pub(super) fn round(
     Ok(misfit)
 }
 
-/// The unknowns by their positions in the list, ascending, in groups that nothing in the matrix connects: those of the components of a surface.
+/// The unknowns by their positions in the list, ascending, in groups that nothing in the matrix connects: those of the
+/// components of a surface.
 pub(super) fn apart(matrix: &SparseMatrix, unknowns: &[u32]) -> Vec<Vec<usize>> {
     const NONE: u32 = u32::MAX;
     let mut part = vec![NONE; matrix.rows()];

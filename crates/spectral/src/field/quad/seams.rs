@@ -1,8 +1,9 @@
-//! How coordinates go on across the cut: from the left side of a seam to the right one by quarter turns and a translation.
+//! How coordinates go on across the cut: from the left side of a seam to the right one by quarter turns and a
+//! translation.
 //!
-//! A seam is a path of cut edges between two nodes, on which its turn and its translation `t` do not change. With `z = u + i v` the coordinates of a
-//! corner are `i^p z_v + Σ c_s t_s`: those of its vertex, taken around it over the seams in between. Once around a node that is no boundary this has
-//! to be `z_v` again, which is one equation for each.
+//! A seam is a path of cut edges between two nodes, on which its turn and its translation `t` do not change. With
+//! `z = u + i v` the coordinates of a corner are `i^p z_v + Σ c_s t_s`: those of its vertex, taken around it over the
+//! seams in between. Once around a node that is no boundary this has to be `z_v` again, which is one equation for each.
 
 use std::collections::HashMap;
 
@@ -51,8 +52,8 @@ struct Part {
     quarters: i32,
 }
 
-/// Entries that corners beyond seams may give the equations, for each face and beside these. On ordinary fields corners lie beyond two or three
-/// seams; where a thousand meet at a vertex, each corner would name all of them.
+/// Entries that corners beyond seams may give the equations, for each face and beside these. On ordinary fields corners
+/// lie beyond two or three seams; where a thousand meet at a vertex, each corner would name all of them.
 const ENTRIES_PER_FACE: usize = 64;
 const ENTRIES: usize = 1 << 20;
 
@@ -91,7 +92,8 @@ impl Seams {
                     }
                     seams.shifts.insert(corner, shifts.clone());
                 }
-                // Counter-clockwise across the edge opposite to corner k + 1: from the right side to the left one, seen from the vertex.
+                // Counter-clockwise across the edge opposite to corner k + 1: from the right side to the left one, seen
+                // from the vertex.
                 let (face, k) = (corner as usize / 3, corner as usize % 3);
                 let edge = dual.edges(face)[(k + 1) % 3];
                 let Some(part) = parts.get(&edge).filter(|_| closed || at + 1 < corners.len()) else { continue };

@@ -1,9 +1,10 @@
 //! Zeros of higher order, split into simple ones.
 //!
-//! On a surface with the symmetry of a disk that is cut into regular triangles, the smoothest field has one zero of order four in the middle, like
-//! `z⁴`: around it a cross turns once, and no quads meet at a vertex of index 1. Nearly every other surface has four zeros of order one there,
-//! since `z⁴ + ε` has four. So a small field that has no zero there is added, `ε v` with `v` the response to a push at the faces around the vertex:
-//! it is as smooth as the field, and nothing where values are held.
+//! On a surface with the symmetry of a disk that is cut into regular triangles, the smoothest field has one zero of
+//! order four in the middle, like `z⁴`: around it a cross turns once, and no quads meet at a vertex of index 1. Nearly
+//! every other surface has four zeros of order one there, since `z⁴ + ε` has four. So a small field that has no zero
+//! there is added, `ε v` with `v` the response to a push at the faces around the vertex: it is as smooth as the field,
+//! and nothing where values are held.
 
 use std::f64::consts::TAU;
 
@@ -16,11 +17,12 @@ use super::smoothest::KIND;
 use crate::operator::frames::{Planar, Turn, normalise, power};
 use crate::operator::transport::turn;
 
-/// Beyond the curvature of its vertex a simple zero turns a representation by one full turn, up to rounding to whole turns.
+/// Beyond the curvature of its vertex a simple zero turns a representation by one full turn, up to rounding to whole
+/// turns.
 const SIMPLE: f64 = 1.5 * TAU;
 
-/// The size of what is added at the vertex, as a share of the largest value of the field. In a disk of radius 1 the zeros of `z⁴ + ε` lie at `ε^¼`,
-/// more than half way to the rim for the first of these.
+/// The size of what is added at the vertex, as a share of the largest value of the field. In a disk of radius 1 the
+/// zeros of `z⁴ + ε` lie at `ε^¼`, more than half way to the rim for the first of these.
 const SHARES: [f64; 4] = [0.1, 0.03, 0.3, 0.01];
 
 /// A quad at least has to meet at a vertex: this many quarters are all that a cross can turn.
@@ -34,8 +36,8 @@ struct Zero {
     numerator: i32,
 }
 
-/// The field with its zeros of higher order split, unit values of which are what is wanted: the field itself where it has none, bit for bit.
-/// `response` gives the smoothest field that answers a push, with zeros where values are held.
+/// The field with its zeros of higher order split, unit values of which are what is wanted: the field itself where it
+/// has none, bit for bit. `response` gives the smoothest field that answers a push, with zeros where values are held.
 ///
 /// # Errors
 /// [`QuadError::Zero`] names a vertex of index 1 or more that could not be split, and whatever `response` fails with.
@@ -103,7 +105,8 @@ fn zeros(surface: &FieldSurface, held: &[Option<Planar>], field: &[Planar]) -> V
     vertices.map_init(Vec::new, one).flatten_iter().collect()
 }
 
-/// One direction carried around each of these vertices, times the areas of the faces that are free; and whether there are such.
+/// One direction carried around each of these vertices, times the areas of the faces that are free; and whether there
+/// are such.
 fn push(surface: &FieldSurface, held: &[Option<Planar>], zeros: &[Zero]) -> (Vec<f64>, bool) {
     let (dual, frames, mesh) = (surface.dual(), surface.frames(), surface.mesh());
     let (mut right, mut corners, mut any) = (vec![0.0; 2 * surface.faces()], Vec::new(), false);
@@ -128,7 +131,8 @@ fn push(surface: &FieldSurface, held: &[Option<Planar>], zeros: &[Zero]) -> (Vec
     (right, any)
 }
 
-/// For each face what makes the response as large as the largest value of the field: of its component, and at its own vertices.
+/// For each face what makes the response as large as the largest value of the field: of its component, and at its own
+/// vertices.
 fn scales(surface: &FieldSurface, field: &[Planar], added: &[Planar], zeros: &[Zero]) -> Vec<f64> {
     let (components, count) = surface.dual().components();
     let size = |value: &Planar| value[0].hypot(value[1]);

@@ -1,8 +1,9 @@
 //! Cross fields of least energy, where values are held on some faces, or pulled, or neither.
 //!
-//! On small surfaces by one sparse factor of the faces that are free. Where a factor would take seconds, by conjugate gradients with the multigrid
-//! cycles that spaces of fields are built with: held faces are rows without neighbours, which no coarser level sees, and where nothing is held the
-//! quotient of energy and length is made least, from a field of the coarsest level on.
+//! On small surfaces by one sparse factor of the faces that are free. Where a factor would take seconds, by conjugate
+//! gradients with the multigrid cycles that spaces of fields are built with: held faces are rows without neighbours,
+//! which no coarser level sees, and where nothing is held the quotient of energy and length is made least, from a field
+//! of the coarsest level on.
 
 use chladni_algebra::{Block, BlockMatrix, DefiniteFactor, DenseMatrix};
 use chladni_base::parallel::*;
@@ -36,7 +37,8 @@ const LARGE: usize = 100_000;
 /// Nodes of the coarsest level.
 const COARSEST: usize = 200;
 
-/// Cycles are for `S + γM`, since `S` alone may be singular: far below the lowest eigenvalues, which are of the order of ten and more on unit area.
+/// Cycles are for `S + γM`, since `S` alone may be singular: far below the lowest eigenvalues, which are of the order
+/// of ten and more on unit area.
 const HELD_SHIFT: f64 = 0.05;
 const FREE_SHIFT: f64 = 1.0;
 
@@ -125,7 +127,8 @@ impl<'a> Wanted<'a> {
             .map_or((0.0, [0.0; 2]), |(weights, targets)| (weights[face], [0, 1].map(|i| targets[2 * face + i])))
     }
 
-    /// The same where nothing but a push acts: `still` are zeros where values are held. What nothing binds answers within its own size.
+    /// The same where nothing but a push acts: `still` are zeros where values are held. What nothing binds answers
+    /// within its own size.
     fn pushed<'b>(&self, surface: &FieldSurface, still: &'b [Option<Planar>], push: Vec<f64>) -> Wanted<'b> {
         let weight = |(face, &area): (usize, &f64)| match self.bound[face] {
             true => self.pulled(face).0,
@@ -347,7 +350,8 @@ impl Sums<'_> {
     }
 }
 
-/// Makes `xᵀSx / xᵀMx` least on each component, by conjugate gradients with a cycle as preconditioner (Longsine and McCormick 1980).
+/// Makes `xᵀSx / xᵀMx` least on each component, by conjugate gradients with a cycle as preconditioner (Longsine and
+/// McCormick 1980).
 fn least_quotient(
     surface: &FieldSurface,
     stiffness: &BlockMatrix<2>,

@@ -6,7 +6,8 @@ use super::super::basis::FieldSurface;
 use super::aligned::{off, sides};
 use crate::operator::frames::power;
 
-/// Creases of a face that are at less than this from right angles or from one direction are followed together, in degrees.
+/// Creases of a face that are at less than this from right angles or from one direction are followed together, in
+/// degrees.
 const TOGETHER: f64 = 0.5;
 
 /// The faces with creases of which no cross can follow all, ascending; `edges` are the creases.
@@ -25,8 +26,9 @@ pub fn crowded(surface: &FieldSurface, edges: &[u32]) -> Vec<u32> {
     found
 }
 
-/// The mesh with some faces split in three at their barycentres. Of face number `k` in the list the vertex is number `V + k`; the part on its first
-/// edge, from corner 0 to corner 1, has the place of the face, those on the other two are faces `F + 2k` and `F + 2k + 1`.
+/// The mesh with some faces split in three at their barycentres. Of face number `k` in the list the vertex is number
+/// `V + k`; the part on its first edge, from corner 0 to corner 1, has the place of the face, those on the other two
+/// are faces `F + 2k` and `F + 2k + 1`.
 ///
 /// # Panics
 /// Where the list names a face that is not there.

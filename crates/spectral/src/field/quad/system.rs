@@ -1,7 +1,9 @@
-//! The equations of a seamless parametrisation: the coordinates whose gradients are nearest to the directions, under what closes around nodes.
+//! The equations of a seamless parametrisation: the coordinates whose gradients are nearest to the directions, under
+//! what closes around nodes.
 //!
-//! Unknowns are `u`, `v` of each vertex (`2v`, `2v + 1`), then those of each translation, then two multipliers for each node. Faces away from the cut
-//! give the cotangent Laplacian for `u` and for `v` alone; only corners beyond a seam mix the two.
+//! Unknowns are `u`, `v` of each vertex (`2v`, `2v + 1`), then those of each translation, then two multipliers for each
+//! node. Faces away from the cut give the cotangent Laplacian for `u` and for `v` alone; only corners beyond a seam mix
+//! the two.
 
 use chladni_algebra::SparseMatrix;
 use chladni_base::parallel::*;
@@ -144,7 +146,8 @@ impl Parts<'_> {
         let mut weights = vec![0.0; dual.edge_count()];
         let mut right = vec![0.0; size];
         let mut rows: Vec<Row> = Vec::new();
-        // Of each face whether it is plain, and for each edge its weight and what coordinates should change by along it.
+        // Of each face whether it is plain, and for each edge its weight and what coordinates should change by along
+        // it.
         let each = |(face, &factor): (usize, &f64)| {
             let sides = [0, 1, 2].map(|k| (factor * self.half_cotangent(face, k), self.wanted(face, k)));
             (self.plain(face), sides)
@@ -213,8 +216,8 @@ impl Parts<'_> {
         System { matrix, right, order }
     }
 
-    /// Of each component the vertex that lies at zero: a singular one, else one on a crease, else any. It and vertices without faces have a weight of
-    /// their own.
+    /// Of each component the vertex that lies at zero: a singular one, else one on a crease, else any. It and vertices
+    /// without faces have a weight of their own.
     fn grounds(&self) -> Vec<(u32, f64)> {
         let mesh = self.surface.mesh();
         let (components, count) = self.surface.dual().components();
@@ -238,10 +241,11 @@ impl Parts<'_> {
         chosen.into_iter().flatten().chain(lone).flat_map(|v| [(2 * v, 1.0), (2 * v + 1, 1.0)]).collect()
     }
 
-    /// The unknowns that are whole numbers where grid lines meet across the cut: the coordinates of singular vertices, translations, and of each
-    /// chain of creases the coordinate that stays.
+    /// The unknowns that are whole numbers where grid lines meet across the cut: the coordinates of singular vertices,
+    /// translations, and of each chain of creases the coordinate that stays.
     ///
-    /// And how many of them come first: a translation is whole where the singular vertices of its seam are, but not the other way round.
+    /// And how many of them come first: a translation is whole where the singular vertices of its seam are, but not the
+    /// other way round.
     pub fn whole_unknowns(&self) -> (Vec<u32>, usize) {
         let both = |first: u32| [first, first + 1];
         let mut found: Vec<u32> = self.combed.singularities.iter().flat_map(|s| both(2 * s.vertex)).collect();

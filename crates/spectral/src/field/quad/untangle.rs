@@ -1,12 +1,12 @@
-//! Faces that are turned over are turned back by moving vertices one by one: each to where the smallest of the faces around it is largest (Freitag
-//! and Plassmann 2000).
+//! Faces that are turned over are turned back by moving vertices one by one: each to where the smallest of the faces
+//! around it is largest (Freitag and Plassmann 2000).
 //!
-//! A step that would turn more faces over than it turns back is not taken, so that there are never more of them. Those that a step does turn over are
-//! visited in their turn.
+//! A step that would turn more faces over than it turns back is not taken, so that there are never more of them. Those
+//! that a step does turn over are visited in their turn.
 //!
-//! The area of a face is linear in the coordinates of one of its vertices, and so this is a linear program in two coordinates and the least area.
-//! What ties coordinates to each other stays: singular vertices and boundaries are not moved, vertices of a crease that is a grid line slide along
-//! it.
+//! The area of a face is linear in the coordinates of one of its vertices, and so this is a linear program in two
+//! coordinates and the least area. What ties coordinates to each other stays: singular vertices and boundaries are not
+//! moved, vertices of a crease that is a grid line slide along it.
 
 use chladni_base::{Cancelled, Monitor};
 
@@ -94,7 +94,8 @@ fn one_by_one(
     inverted
 }
 
-/// What stays of the coordinates of each vertex: all of singular ones, and on creases that are grid lines that which is whole there.
+/// What stays of the coordinates of each vertex: all of singular ones, and on creases that are grid lines that which is
+/// whole there.
 fn held(parts: &Parts) -> Vec<Held> {
     let mesh = parts.surface.mesh();
     let mut held = vec![[false; 2]; mesh.positions.len()];
@@ -127,7 +128,8 @@ pub(super) fn doubled([a, b, c]: [Planar; 3]) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
-/// The area of the face of a corner, as it changes with the coordinates of the vertex there; `None` where the face itself has none.
+/// The area of the face of a corner, as it changes with the coordinates of the vertex there; `None` where the face
+/// itself has none.
 fn area(parts: &Parts, coordinates: &[[Planar; 3]], corner: u32) -> Option<Area> {
     let (face, k) = (corner as usize / 3, corner as usize % 3);
     let z = coordinates[face];
@@ -137,7 +139,8 @@ fn area(parts: &Parts, coordinates: &[[Planar; 3]], corner: u32) -> Option<Area>
     (wanted > 0.0).then(|| (doubled(z) / wanted, slope.map(|x| x / wanted)))
 }
 
-/// The step by which the least of some areas becomes largest, without coordinates that stay; `None` where it is positive already, or would not grow.
+/// The step by which the least of some areas becomes largest, without coordinates that stay; `None` where it is
+/// positive already, or would not grow.
 fn best(areas: &[Area], held: Held) -> Option<Planar> {
     let least = areas.iter().map(|area| area.0).fold(f64::INFINITY, f64::min);
     if !(least <= 0.0) || held == [true; 2] {

@@ -1,5 +1,5 @@
-//! Few constraints by halves of solves with a sparse factor: what they move at each other's faces is known from elimination on what they reach, and the
-//! field takes one substitution.
+//! Few constraints by halves of solves with a sparse factor: what they move at each other's faces is known from
+//! elimination on what they reach, and the field takes one substitution.
 
 use std::sync::Arc;
 

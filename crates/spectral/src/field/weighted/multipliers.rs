@@ -70,8 +70,9 @@ impl WeightedModel {
 }
 
 impl System {
-    /// Of what pulls move, to which it adds by how much each condition gives way. `right` has the values of fields without energy in all columns but
-    /// the first; `yielding` is what such a field may be taken to give way by, if it is more than what those with energy do at these numbers.
+    /// Of what pulls move, to which it adds by how much each condition gives way. `right` has the values of fields
+    /// without energy in all columns but the first; `yielding` is what such a field may be taken to give way by, if it
+    /// is more than what those with energy do at these numbers.
     ///
     /// # Errors
     /// [`DesignError::Dependent`]: a condition that follows from others, or contradicts them.
@@ -99,7 +100,8 @@ impl System {
         Ok(Self { matrix, factor, mean, slacks })
     }
 
-    /// What is missing at each constrained number of a field, whose numbers there are `values`, under pulls; and the most of it where a constraint is hard.
+    /// What is missing at each constrained number of a field, whose numbers there are `values`, under pulls; and the
+    /// most of it where a constraint is hard.
     pub(in super::super) fn missing(
         &self,
         values: impl Iterator<Item = f64>,
@@ -114,8 +116,8 @@ impl System {
         (missing, most)
     }
 
-    /// Has hard constraints give way no longer. Where `K⁻¹` is a sparse factor, a pull moves what has nearly no energy so far that the share of it
-    /// which they give way is much.
+    /// Has hard constraints give way no longer. Where `K⁻¹` is a sparse factor, a pull moves what has nearly no energy
+    /// so far that the share of it which they give way is much.
     pub(in super::super) fn refine(
         &self,
         right: &[f64],
@@ -138,9 +140,10 @@ impl System {
     }
 }
 
-/// Adds `c N Nᵀ` to what pulls move, with the values `N` of fields without energy. Pulls do no work on these, `Nᵀ y = 0`, so that it changes no
-/// solution; but where nothing else moves, as on a component of which the space has these fields alone, it is what the system is solved by. Without,
-/// all that it had there was rounding, whose inverse drowned what the other components say.
+/// Adds `c N Nᵀ` to what pulls move, with the values `N` of fields without energy. Pulls do no work on these,
+/// `Nᵀ y = 0`, so that it changes no solution; but where nothing else moves, as on a component of which the space has
+/// these fields alone, it is what the system is solved by. Without, all that it had there was rounding, whose inverse
+/// drowned what the other components say.
 fn hold_idle(matrix: &mut DenseMatrix, mean: f64, (right, yielding): (&DenseMatrix, f64)) {
     let (k, columns) = (matrix.columns(), right.columns());
     if columns < 2 || k == 0 {

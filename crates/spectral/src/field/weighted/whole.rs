@@ -9,7 +9,8 @@ use super::WeightedModel;
 use crate::basis::FieldBasis;
 
 impl WeightedModel {
-    /// Fields of next to no energy, as they are stored; `None` where alignments hold them and the model does not know them.
+    /// Fields of next to no energy, as they are stored; `None` where alignments hold them and the model does not know
+    /// them.
     pub(in super::super) fn idle_fields(&self, basis: &FieldBasis) -> Option<Vec<Vec<f64>>> {
         let model = &self.model;
         let coefficients: Vec<Vec<f32>> = if model.has_ritz() {
@@ -66,8 +67,8 @@ impl WeightedModel {
         Ok(conditions(&without_repetitions(constraints), constraints))
     }
 
-    /// The coefficients of the field of the space that is nearest to one on the faces, whose image under the masses is `image`; `None` without Ritz
-    /// coordinates.
+    /// The coefficients of the field of the space that is nearest to one on the faces, whose image under the masses is
+    /// `image`; `None` without Ritz coordinates.
     pub(in super::super) fn nearest(&self, basis: &FieldBasis, image: &[f64]) -> Option<Vec<f32>> {
         let model = &self.model;
         model.has_ritz().then(|| model.expand(&model.project(&basis.space.transposed_times(image))))

@@ -57,7 +57,8 @@ pub(super) fn read(bytes: &[u8], limits: &MatrixLimits) -> Result<SparseMatrix, 
     let (rows, columns) = archive.shape()?;
     match format.as_str() {
         "csr" => archive.compressed(rows, columns),
-        // By columns: the rows of the transpose. What is solved is symmetric, and what is not is told by its entries as they stand.
+        // By columns: the rows of the transpose. What is solved is symmetric, and what is not is told by its entries as
+        // they stand.
         "csc" => archive.compressed(columns, rows).and_then(|matrix| transposed(&matrix)),
         "coo" => archive.coordinates(rows, columns),
         "dia" => archive.diagonals(rows, columns),

@@ -1,4 +1,5 @@
-//! Matrix Market: coordinates, or an array of one column for a diagonal; real, integer or pattern; general or symmetric.
+//! Matrix Market: coordinates, or an array of one column for a diagonal; real, integer or pattern; general or
+//! symmetric.
 
 use super::{MatrixError, MatrixFile, MatrixLimits, from_triplets};
 

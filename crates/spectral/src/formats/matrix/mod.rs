@@ -98,7 +98,8 @@ impl MatrixFile {
         }
     }
 
-    /// About the bytes of memory that a matrix takes once it is read, from what its file says of itself; not less than its bytes.
+    /// About the bytes of memory that a matrix takes once it is read, from what its file says of itself; not less than
+    /// its bytes.
     pub fn memory_bytes(bytes: &[u8]) -> u64 {
         if bytes.starts_with(b"PK") {
             return archive::unfolded_bytes(bytes).max(bytes.len() as u64);

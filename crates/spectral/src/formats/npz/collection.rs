@@ -1,6 +1,7 @@
-//! The maps of a collection as an NPZ file. For shapes `s` and `t`: `points_s_t`, for each vertex of `t` that of `s` (int32); `confidences_s_t`;
-//! `matrix_s_t` (`k × k`, columns first). `vertices` counts those of each shape, `disagreements` has a row for each source, `report` and `metadata`
-//! are JSON texts, and `vertex_map_s` is the numbering of the file that the shape came from, where that is known.
+//! The maps of a collection as an NPZ file. For shapes `s` and `t`: `points_s_t`, for each vertex of `t` that of `s`
+//! (int32); `confidences_s_t`; `matrix_s_t` (`k × k`, columns first). `vertices` counts those of each shape,
+//! `disagreements` has a row for each source, `report` and `metadata` are JSON texts, and `vertex_map_s` is the
+//! numbering of the file that the shape came from, where that is known.
 
 use std::io::{Seek, Write};
 
@@ -11,7 +12,8 @@ use super::read::{Archive, Frame};
 use super::{FormatError, Members, wrong};
 use crate::basis::{StoredMap, StoredMaps, ordered_pairs};
 
-/// The most shapes of a file that is read: twice as many as are ever mapped. A forged count costs no more than their names.
+/// The most shapes of a file that is read: twice as many as are ever mapped. A forged count costs no more than their
+/// names.
 const MOST_SHAPES: usize = 64;
 
 /// The names of the members of one map.

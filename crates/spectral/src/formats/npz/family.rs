@@ -1,6 +1,6 @@
-//! A family of operators as an NPZ file: `functions` (`n × d` in single precision, columns first), `extrinsic` and `curvature` (`d × d`, columns
-//! first), `eigenvalues`, the diagonal `mass`, and the JSON text `metadata`. Files written before the space was dense, with a sparse `U` and
-//! `coefficients`, are read too.
+//! A family of operators as an NPZ file: `functions` (`n × d` in single precision, columns first), `extrinsic` and
+//! `curvature` (`d × d`, columns first), `eigenvalues`, the diagonal `mass`, and the JSON text `metadata`. Files
+//! written before the space was dense, with a sparse `U` and `coefficients`, are read too.
 
 use std::io::{Seek, Write};
 

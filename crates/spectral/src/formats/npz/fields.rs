@@ -1,8 +1,9 @@
 //! A field basis as an NPZ file.
 //!
-//! The locally supported columns lie in the BSR members `format, shape, data, indices, indptr`, which `scipy.sparse.load_npz` reads: a block
-//! row for each face, a block column for each group. Beside them `dense` (columns first), `stiffness_*` and `mass_*` in CSR form, `samples`,
-//! `ritz_values` and `ritz_vectors` (rows first) where there are any, and the JSON text `metadata`.
+//! The locally supported columns lie in the BSR members `format, shape, data, indices, indptr`, which
+//! `scipy.sparse.load_npz` reads: a block row for each face, a block column for each group. Beside them `dense`
+//! (columns first), `stiffness_*` and `mass_*` in CSR form, `samples`, `ritz_values` and `ritz_vectors` (rows first)
+//! where there are any, and the JSON text `metadata`.
 
 use std::io::{Cursor, Seek, Write};
 use std::sync::Arc;
@@ -17,7 +18,8 @@ use crate::basis::{FieldBasis, FieldSpace, RitzFields, StoredFields};
 /// Writes a field basis.
 ///
 /// # Errors
-/// [`FormatError::Write`] or [`FormatError::Archive`] where the destination fails, [`FormatError::TooLarge`] where there are more than 2³¹ blocks.
+/// [`FormatError::Write`] or [`FormatError::Archive`] where the destination fails, [`FormatError::TooLarge`] where
+/// there are more than 2³¹ blocks.
 pub fn write_fields<W: Write + Seek>(
     fields: &StoredFields,
     numbering: Option<&Numbering>,

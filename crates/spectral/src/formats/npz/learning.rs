@@ -1,5 +1,5 @@
-//! What networks on surfaces keep of a mesh, as one archive in the layout of DiffusionNet's cache (Sharp, Attaiki, Crane and Ovsjanikov 2022): sparse
-//! matrices by columns, everything but the arrays of the mesh in single precision.
+//! What networks on surfaces keep of a mesh, as one archive in the layout of DiffusionNet's cache (Sharp, Attaiki,
+//! Crane and Ovsjanikov 2022): sparse matrices by columns, everything but the arrays of the mesh in single precision.
 
 use std::io::{Read, Seek, Write};
 
@@ -31,7 +31,8 @@ pub struct SurfaceOperators<'a> {
 /// Writes the archive.
 ///
 /// # Errors
-/// [`FormatError::Write`] or [`FormatError::Archive`] where the destination fails, [`FormatError::TooLarge`] where a matrix has 2³¹ entries.
+/// [`FormatError::Write`] or [`FormatError::Archive`] where the destination fails, [`FormatError::TooLarge`] where a
+/// matrix has 2³¹ entries.
 pub fn write_operators<W: Write + Seek>(operators: &SurfaceOperators<'_>, out: W) -> Result<(), FormatError> {
     let SurfaceOperators { positions, faces, frames, pattern, gradients, mass, stiffness, eigenvalues, functions } =
         *operators;

@@ -1,5 +1,5 @@
-//! The numbering of the file that a mesh came from, beside a product on it: `vertex_map`, for each vertex of the file the row of the product or
-//! −1 where it was dropped, and `face_map`, for each face of the mesh that of the file.
+//! The numbering of the file that a mesh came from, beside a product on it: `vertex_map`, for each vertex of the file
+//! the row of the product or −1 where it was dropped, and `face_map`, for each face of the mesh that of the file.
 
 use std::io::{Seek, Write};
 

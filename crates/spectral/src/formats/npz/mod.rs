@@ -1,12 +1,14 @@
 //! Products as NPZ files: what NumPy and SciPy open, and what the store keeps.
 //!
-//! Of an eigenbasis one archive without compression holds the CSR members `format, shape, data, indices, indptr` of `U`, which
-//! `scipy.sparse.load_npz` reads, next to `coefficients` (`d × m`), `eigenvalues`, `residuals`, `bounds`, the mass (`mass`, or
-//! `mass_data, mass_indices, mass_indptr` where it is not diagonal) and the JSON texts `certificate` and `metadata`. A dense basis has one
-//! member `functions` (`n × m`, columns first) instead of `U` and `coefficients`; it comes last, is written chunk by chunk, and can be
-//! read in parts by the [`DenseLayout`] that writing it gives. Equal bases give equal bytes.
+//! Of an eigenbasis one archive without compression holds the CSR members `format, shape, data, indices, indptr` of
+//! `U`, which `scipy.sparse.load_npz` reads, next to `coefficients` (`d × m`), `eigenvalues`, `residuals`, `bounds`,
+//! the mass (`mass`, or `mass_data, mass_indices, mass_indptr` where it is not diagonal) and the JSON texts
+//! `certificate` and `metadata`. A dense basis has one member `functions` (`n × m`, columns first) instead of `U` and
+//! `coefficients`; it comes last, is written chunk by chunk, and can be read in parts by the [`DenseLayout`] that
+//! writing it gives. Equal bases give equal bytes.
 //!
-//! Every product on one mesh has the members `vertex_map` and `face_map` as well, where the numbering of the file is known that the mesh came from.
+//! Every product on one mesh has the members `vertex_map` and `face_map` as well, where the numbering of the file is
+//! known that the mesh came from.
 
 mod collection;
 mod family;
@@ -195,8 +197,8 @@ impl<W: Write + Seek> Members<W> {
 /// Writes a basis.
 ///
 /// # Errors
-/// [`FormatError::Write`] or [`FormatError::Archive`] where the destination fails, [`FormatError::TooLarge`] where the basis has
-/// 2³¹ columns or more, [`FormatError::Functions`] where columns of a dense basis cannot be read.
+/// [`FormatError::Write`] or [`FormatError::Archive`] where the destination fails, [`FormatError::TooLarge`] where the
+/// basis has 2³¹ columns or more, [`FormatError::Functions`] where columns of a dense basis cannot be read.
 pub fn write<W: Write + Seek>(basis: &Basis, out: W) -> Result<(), FormatError> {
     write_numbered(basis, None, out)
 }
@@ -271,8 +273,8 @@ impl DenseLayout {
     }
 }
 
-/// Writes a dense basis to where nothing can be changed afterwards. `basis` gives everything but the eigenfunctions; `functions` are
-/// given up chunk by chunk. `numbering` is that of the file that the mesh came from.
+/// Writes a dense basis to where nothing can be changed afterwards. `basis` gives everything but the eigenfunctions;
+/// `functions` are given up chunk by chunk. `numbering` is that of the file that the mesh came from.
 ///
 /// # Errors
 /// As [`write()`].

@@ -1,8 +1,9 @@
 //! Vibration modes as an NPZ file.
 //!
-//! The scalar space `U` of a compact one lies in the CSR members that `scipy.sparse.load_npz` reads, beside `coefficients` (`3d × m`, columns
-//! first); a dense one has `functions` (`3n × m`, columns first). Both have `eigenvalues`, `bounds`, `masses`, `part`, `rest` (rows first),
-//! `affine` (columns first), `frame` (the number of rigid modes and the unit of `rest`) and the JSON text `metadata`.
+//! The scalar space `U` of a compact one lies in the CSR members that `scipy.sparse.load_npz` reads, beside
+//! `coefficients` (`3d × m`, columns first); a dense one has `functions` (`3n × m`, columns first). Both have
+//! `eigenvalues`, `bounds`, `masses`, `part`, `rest` (rows first), `affine` (columns first), `frame` (the number of
+//! rigid modes and the unit of `rest`) and the JSON text `metadata`.
 
 use std::io::{Seek, Write};
 

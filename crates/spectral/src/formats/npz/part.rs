@@ -1,7 +1,8 @@
-//! A part of an eigenproblem as an NPZ file: of each slice `values_K` and `vectors_K` (`n × k`, rows first, in the order of the unknowns), and the JSON
-//! text `part`: the plan, the number of the part, where slices begin, their counts, or why they were given up; and whatever its maker wants to know when the
-//! parts are joined. Of an approximation there are no slices, but `rows`, the subspace on them (`data`, `indices`, `indptr`), `values`, `coefficients` and
-//! `sums`.
+//! A part of an eigenproblem as an NPZ file: of each slice `values_K` and `vectors_K` (`n × k`, rows first, in the
+//! order of the unknowns), and the JSON text `part`: the plan, the number of the part, where slices begin, their
+//! counts, or why they were given up; and whatever its maker wants to know when the parts are joined. Of an
+//! approximation there are no slices, but `rows`, the subspace on them (`data`, `indices`, `indptr`), `values`,
+//! `coefficients` and `sums`.
 
 use std::io::{Cursor, Read, Seek, Write};
 
@@ -120,7 +121,8 @@ fn share(archive: &mut Archive<'_>, head: HeadShare, columns: usize) -> Result<P
     Ok(PartShare { rows, space, values, coefficients, sums, stiffness_norm, orthonormality_defect })
 }
 
-/// Reads a part from the bytes of an NPZ file that [`write_part`] made, every member compared with its checksum; and what was written about it.
+/// Reads a part from the bytes of an NPZ file that [`write_part`] made, every member compared with its checksum; and
+/// what was written about it.
 ///
 /// # Errors
 /// [`FormatError`] names the member that is missing, damaged or of another shape than the rest.

@@ -1,7 +1,8 @@
 //! The matrices of a pencil as an NPZ file.
 //!
-//! `S` lies in the CSR members `format, shape, data, indices, indptr`, which `scipy.sparse.load_npz` reads; a mass beside it in `mass` where it is a
-//! diagonal, in `mass_data, mass_indices, mass_indptr` where it is not, and nowhere where it is the identity.
+//! `S` lies in the CSR members `format, shape, data, indices, indptr`, which `scipy.sparse.load_npz` reads; a mass
+//! beside it in `mass` where it is a diagonal, in `mass_data, mass_indices, mass_indptr` where it is not, and nowhere
+//! where it is the identity.
 
 use std::io::{Seek, Write};
 

@@ -232,10 +232,12 @@ impl<'a> Archive<'a> {
     }
 }
 
-/// Compares every member of an archive with its checksum, which [`read`] does not: it takes the arrays as they lie in memory.
+/// Compares every member of an archive with its checksum, which [`read`] does not: it takes the arrays as they lie in
+/// memory.
 ///
 /// # Errors
-/// [`FormatError::Archive`] where the archive is damaged, [`FormatError::Member`] names a member that differs from its checksum.
+/// [`FormatError::Archive`] where the archive is damaged, [`FormatError::Member`] names a member that differs from its
+/// checksum.
 pub fn check_sums(bytes: &[u8]) -> Result<(), FormatError> {
     let mut archive = zip::ZipArchive::new(std::io::Cursor::new(bytes))?;
     for index in 0..archive.len() {

@@ -1,23 +1,26 @@
 //! How a face of a shell bends: its curvature as a linear function of displacements.
 //!
-//! The curvature of a face is constant, and tells how far the surface turns about its three edges: `S = Σ_k (l_k / A) ψ_k n_k n_kᵀ`, where `ψ_k` is
-//! the angle between the normal of the face and that at the midpoint of edge `k` (Morley 1968; as a shape operator, Grinspun, Gingold, Reisman and
-//! Zorin 2006). Both faces of an edge share the normal there, so that moments pass from one to the other whatever the triangulation: their two angles
-//! sum up to the change of the dihedral angle. How it is shared out is not left to further unknowns, but told by the quadratic function that fits the
-//! changes at the edge and at the four others of its two faces, least squares in the patch unfolded into the plane: `ψ = θ / 2 ± ξ`, with `ξ` linear
-//! in those five. Quadratic functions are their own fit, so that a constant curvature has exactly its energy, and no curvature less than that of
-//! Morley's element, which has no motions without energy but rigid ones.
+//! The curvature of a face is constant, and tells how far the surface turns about its three edges:
+//! `S = Σ_k (l_k / A) ψ_k n_k n_kᵀ`, where `ψ_k` is the angle between the normal of the face and that at the midpoint
+//! of edge `k` (Morley 1968; as a shape operator, Grinspun, Gingold, Reisman and Zorin 2006). Both faces of an edge
+//! share the normal there, so that moments pass from one to the other whatever the triangulation: their two angles sum
+//! up to the change of the dihedral angle. How it is shared out is not left to further unknowns, but told by the
+//! quadratic function that fits the changes at the edge and at the four others of its two faces, least squares in the
+//! patch unfolded into the plane: `ψ = θ / 2 ± ξ`, with `ξ` linear in those five. Quadratic functions are their own
+//! fit, so that a constant curvature has exactly its energy, and no curvature less than that of Morley's element, which
+//! has no motions without energy but rigid ones.
 //!
-//! At a free edge no angle is known, and no moment acts: the angle that costs least energy is taken, which is that very condition. The same holds
-//! where the ends of an edge at the border are held, as by a hinge. In a clamp the normal at the edge stays: the angle is that by which the face
-//! turns.
+//! At a free edge no angle is known, and no moment acts: the angle that costs least energy is taken, which is that very
+//! condition. The same holds where the ends of an edge at the border are held, as by a hinge. In a clamp the normal at
+//! the edge stays: the angle is that by which the face turns.
 
 use chladni_algebra::Block;
 use chladni_mesh::TriangleMesh;
 
 use super::{NOBODY, Vector, cross, dot, minus, times};
 
-/// The vertices that the curvature of a face depends on, at most: its corners, the apexes of its neighbours, and those of theirs.
+/// The vertices that the curvature of a face depends on, at most: its corners, the apexes of its neighbours, and those
+/// of theirs.
 pub(super) const STENCIL: usize = 12;
 
 /// What is beyond an edge of a face.
@@ -77,14 +80,15 @@ impl Curvatures {
     }
 }
 
-/// The ridge of a fit, as a share of the sum of squares. Where angles are too few to tell a quadratic function, as in a strip of faces, that of least
-/// energy is taken among those that fit; where they do, this changes the energy by the square of its share alone, since the angles sought are those
-/// of least energy. Beside needles, twists that are to be told are seen by as little as the square of width over length.
+/// The ridge of a fit, as a share of the sum of squares. Where angles are too few to tell a quadratic function, as in a
+/// strip of faces, that of least energy is taken among those that fit; where they do, this changes the energy by the
+/// square of its share alone, since the angles sought are those of least energy. Beside needles, twists that are to be
+/// told are seen by as little as the square of width over length.
 const RIDGE: f64 = 1e-6;
 
-/// How much more than the angle at the edge itself the angles that are shared out may amplify displacements, by the squares of their gradients:
-/// shares are cut to that. Of a twist the long edges of needles know next to nothing, and the short ones, that do, have to be multiplied by length
-/// over width. On triangles of the usual quality it is .2.
+/// How much more than the angle at the edge itself the angles that are shared out may amplify displacements, by the
+/// squares of their gradients: shares are cut to that. Of a twist the long edges of needles know next to nothing, and
+/// the short ones, that do, have to be multiplied by length over width. On triangles of the usual quality it is .2.
 const MOST_AMPLIFIED: f64 = 9.0;
 
 impl Surroundings<'_> {
@@ -129,7 +133,8 @@ impl Surroundings<'_> {
         curvatures
     }
 
-    /// What a unit angle at each edge adds to the three combinations; those of free edges are chosen for the least energy.
+    /// What a unit angle at each edge adds to the three combinations; those of free edges are chosen for the least
+    /// energy.
     fn weights(&self, flat: &Flat, rigidity: f64, beyond: [Beyond; 3]) -> [Vector; 3] {
         let (size, poisson) = ((rigidity * flat.area).sqrt(), self.poisson);
         let (second, third) = ((1.0 - poisson * poisson).sqrt(), (2.0 * (1.0 - poisson)).sqrt());
@@ -187,7 +192,8 @@ impl Surroundings<'_> {
     }
 }
 
-/// The share of each of the angles in the value `target` of the quadratic function that fits them, `target` being that of its three coefficients.
+/// The share of each of the angles in the value `target` of the quadratic function that fits them, `target` being that
+/// of its three coefficients.
 fn shared(data: &[Option<&Hinge>; 5], target: Vector, poisson: f64) -> [f64; 5] {
     let mut square: Block<3> = [[0.0; 3]; 3];
     for hinge in data.iter().flatten() {
@@ -263,7 +269,8 @@ impl Leaf {
         }
     }
 
-    /// The gradient of the angle by which it turns: neither a translation nor, together with the other face, a rotation changes it.
+    /// The gradient of the angle by which it turns: neither a translation nor, together with the other face, a rotation
+    /// changes it.
     fn gradients(&self) -> [(u32, Vector); 3] {
         let up = times(1.0 / self.height, self.unit);
         let [a, b, c] = self.corners;
@@ -276,8 +283,8 @@ impl Leaf {
         (here * here + there * there + 1.0) / (self.height * self.height)
     }
 
-    /// The angles between the surfaces `x²/2`, `y²/2` and `x y` at the midpoint of the edge, where they are level, and their linear functions on the
-    /// face.
+    /// The angles between the surfaces `x²/2`, `y²/2` and `x y` at the midpoint of the edge, where they are level, and
+    /// their linear functions on the face.
     fn quadratics(&self, [x, y]: [f64; 2]) -> Vector {
         let length = (x * x + y * y).sqrt();
         let along = self.foot - 0.5;

@@ -99,8 +99,9 @@ impl ElasticBody<'_> {
 pub struct Clamps {
     /// Vertices that are held fast.
     pub vertices: Vec<u32>,
-    /// Whether faces of a shell are held from turning about edges whose two ends are held: a clamp. Else they turn without a moment there: a hinge. A
-    /// solid has no choice: a face of a tetrahedron all of whose corners are held cannot turn.
+    /// Whether faces of a shell are held from turning about edges whose two ends are held: a clamp. Else they turn
+    /// without a moment there: a hinge. A solid has no choice: a face of a tetrahedron all of whose corners are held
+    /// cannot turn.
     pub rotations: bool,
 }
 
@@ -249,7 +250,8 @@ type Row<'a> = Box<dyn Fn(u32, &mut Vec<(u32, Block<3>)>) + Sync + 'a>;
 struct Elements<'a> {
     /// The share of each vertex of the mass; they sum to 1.
     masses: Vec<f64>,
-    /// Appends the blocks of one vertex with its neighbours and itself, in the order of the elements; a column may come many times.
+    /// Appends the blocks of one vertex with its neighbours and itself, in the order of the elements; a column may come
+    /// many times.
     row: Row<'a>,
     length: f64,
     centre: Vector,
@@ -311,8 +313,8 @@ fn times(factor: f64, a: Vector) -> Vector {
     a.map(|x| factor * x)
 }
 
-/// `λ p qᵀ + μ (q pᵀ + ⟨p, q⟩ P)`: the block of two corners with gradients `p` and `q` of their hat functions, for a quadratic energy of the
-/// strain, over the size of the element. The transpose is that of `q` and `p`, to the last bit.
+/// `λ p qᵀ + μ (q pᵀ + ⟨p, q⟩ P)`: the block of two corners with gradients `p` and `q` of their hat functions, for a
+/// quadratic energy of the strain, over the size of the element. The transpose is that of `q` and `p`, to the last bit.
 fn strain_block(lambda: f64, mu: f64, p: Vector, q: Vector, projection: &Block<3>) -> Block<3> {
     let product = mu * dot(p, q);
     std::array::from_fn(|a| {

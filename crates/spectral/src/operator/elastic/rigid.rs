@@ -1,4 +1,5 @@
-//! Rigid motions: translations and infinitesimal rotations of each connected part, as far as its clamped vertices allow them.
+//! Rigid motions: translations and infinitesimal rotations of each connected part, as far as its clamped vertices allow
+//! them.
 
 use chladni_algebra::{CpuSolver, DenseMatrix, SymmetricDefiniteSolver};
 use chladni_base::Unwatched;
@@ -32,8 +33,8 @@ pub struct RigidMotions {
     pub motions: Vec<RigidMotion>,
 }
 
-/// A motion whose energy is at most this share of the largest stiffness is free: what is held has an energy of the order of the
-/// stiffness itself.
+/// A motion whose energy is at most this share of the largest stiffness is free: what is held has an energy of the
+/// order of the stiffness itself.
 const FREE: f64 = 1e-11;
 
 impl RigidMotions {
@@ -155,8 +156,8 @@ fn of_part(elastic: &ElasticProblem, mass: &[f64], part: u32, members: &[usize])
         .collect()
 }
 
-/// Orthonormal combinations of the candidates that have no energy. A part of one or two vertices, or of vertices on a line, has fewer
-/// than six.
+/// Orthonormal combinations of the candidates that have no energy. A part of one or two vertices, or of vertices on a
+/// line, has fewer than six.
 fn independent(energy: DenseMatrix, gram: DenseMatrix, stiffest: f64) -> Vec<[f64; 6]> {
     let mut identity = DenseMatrix::zeros(6, 6);
     (0..6).for_each(|k| identity.column_mut(k)[k] = 1.0);

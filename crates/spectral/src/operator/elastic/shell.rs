@@ -1,7 +1,7 @@
 //! Thin shells: membrane and bending energy of a triangle mesh, at rest.
 //!
-//! Membrane: linear triangles in plane stress. Bending: that of a plate, `D/2 ∫ ν tr² + (1 − ν) |S|²`, with the change `S` of the curvature of each
-//! face by [`bending`].
+//! Membrane: linear triangles in plane stress. Bending: that of a plate, `D/2 ∫ ν tr² + (1 − ν) |S|²`, with the change
+//! `S` of the curvature of each face by [`bending`].
 //!
 //! [`bending`]: super::bending
 
@@ -115,8 +115,8 @@ fn doubled_area(mesh: &TriangleMesh, corners: &[u32; 3]) -> Option<f64> {
     (doubled > 2.0 * FLAT * longest).then_some(doubled)
 }
 
-/// For each face what is beyond its edges, a clamp where both ends are held; and how many edges these are. Where an edge has several neighbours, each
-/// face looks at the next, in the order of their numbers.
+/// For each face what is beyond its edges, a clamp where both ends are held; and how many edges these are. Where an
+/// edge has several neighbours, each face looks at the next, in the order of their numbers.
 fn neighbours(mesh: &TriangleMesh, sound: &[bool], held: &[bool]) -> (Vec<[Beyond; 3]>, usize) {
     let mut edges: Vec<([u32; 2], u32, u8)> = Vec::with_capacity(3 * mesh.faces.len());
     for (f, face) in mesh.faces.iter().enumerate().filter(|(f, _)| sound[*f]) {

@@ -1,7 +1,8 @@
-//! A potential that is positive everywhere, or far below zero: its least value moves all eigenvalues and changes no eigenfunction.
+//! A potential that is positive everywhere, or far below zero: its least value moves all eigenvalues and changes no
+//! eigenfunction.
 //!
-//! It is taken off before anything is approximated. What pairs miss, and what is asked of them, is then relative to what tells them apart: beside a large
-//! constant, every function is an eigenfunction to many digits.
+//! It is taken off before anything is approximated. What pairs miss, and what is asked of them, is then relative to
+//! what tells them apart: beside a large constant, every function is an eigenfunction to many digits.
 
 use std::borrow::Cow;
 
@@ -13,8 +14,8 @@ use crate::operator::MeshOperator;
 use crate::spectrum::certificate::KERNEL;
 use crate::spectrum::hsim::taken_off;
 
-/// The operator without the largest multiple of the mass that leaves no row with a negative sum, and that multiple, on unit size; itself where that is not
-/// taken off.
+/// The operator without the largest multiple of the mass that leaves no row with a negative sum, and that multiple, on
+/// unit size; itself where that is not taken off.
 pub(super) fn without_offset(operator: &MeshOperator) -> (Cow<'_, MeshOperator>, f64) {
     // A Laplacian has rows that sum to zero.
     let found =
@@ -25,7 +26,8 @@ pub(super) fn without_offset(operator: &MeshOperator) -> (Cow<'_, MeshOperator>,
     }
 }
 
-/// Makes pairs of the operator without the offset those of the operator: values and the shifts of counts move, and residuals are relative to `‖S x‖` again.
+/// Makes pairs of the operator without the offset those of the operator: values and the shifts of counts move, and
+/// residuals are relative to `‖S x‖` again.
 ///
 /// # Errors
 /// The monitor asked to stop.
@@ -61,8 +63,8 @@ pub(super) fn move_back(
     Ok(())
 }
 
-/// How many roundings, relative to the offset, lie between a value of the one operator and that of the other: the product of mass and offset, the
-/// difference of entries, and the sum of values, with some to spare.
+/// How many roundings, relative to the offset, lie between a value of the one operator and that of the other: the
+/// product of mass and offset, the difference of entries, and the sum of values, with some to spare.
 const ROUNDINGS: f64 = 8.0;
 
 #[cfg(test)]

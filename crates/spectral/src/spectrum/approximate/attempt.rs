@@ -26,8 +26,8 @@ const GROWTH: f64 = 1.6;
 /// A space grows to no more than this share of the unknowns: beyond it columns have too few vertices to be smooth.
 const LARGEST_SHARE: f64 = 0.25;
 
-/// The columns that the space of a mesh of `n` vertices may grow to from a dimension, by hat functions or by a larger dimension: dense problems grow
-/// with it, and whoever promises memory has to know how far.
+/// The columns that the space of a mesh of `n` vertices may grow to from a dimension, by hat functions or by a larger
+/// dimension: dense problems grow with it, and whoever promises memory has to know how far.
 pub fn most_columns(n: usize, dimension: usize) -> usize {
     let most = if n <= SMALL { n } else { n / 2 };
     (dimension + dimension.max(MANY_HATS)).min(most).max(dimension)
@@ -36,18 +36,22 @@ pub fn most_columns(n: usize, dimension: usize) -> usize {
 /// A mesh of so few unknowns is solved as a whole where nothing else reaches a goal.
 const SMALL: usize = 1500;
 
-/// Eigenfunctions on the mesh that are farther from orthonormal than this come from a dense problem that rounding has decided.
+/// Eigenfunctions on the mesh that are farther from orthonormal than this come from a dense problem that rounding has
+/// decided.
 const LARGEST_DEFECT: f64 = 1e-3;
 
-/// In a solid of more unknowns than this nobody looks for hidden eigenfunctions unasked: the factor takes longer than everything else.
+/// In a solid of more unknowns than this nobody looks for hidden eigenfunctions unasked: the factor takes longer than
+/// everything else.
 pub const MOST_COUNTED_IN_SOLID: usize = 20_000;
 
-/// The least that a Ritz value may be, up to rounding, where no eigenvalue lies below `−floor`. On unit area 1 is little, and all may be zero.
+/// The least that a Ritz value may be, up to rounding, where no eigenvalue lies below `−floor`. On unit area 1 is
+/// little, and all may be zero.
 fn possible_from(floor: f64, values: &[f64]) -> f64 {
     -floor - MOST_ROUNDING * values.last().map_or(1.0, |value| value.abs().max(1.0))
 }
 
-/// About the quotient of energy and mass of the functions that a space of so many columns misses, by the values in it: on a surface they grow with their number.
+/// About the quotient of energy and mass of the functions that a space of so many columns misses, by the values in it:
+/// on a surface they grow with their number.
 fn level_of_missing(columns: usize, values: &[f64]) -> f64 {
     match values.last() {
         Some(&last) if last > 0.0 => last * columns as f64 / values.len() as f64,
@@ -55,8 +59,9 @@ fn level_of_missing(columns: usize, values: &[f64]) -> f64 {
     }
 }
 
-/// By how much an estimate of a pair is too small where no eigenvalue lies below `−floor`, far below the pair, as beside a deep well at a few vertices: what is
-/// missing is measured by the pencil moved by the floor, in which its level is that much higher than above the pair.
+/// By how much an estimate of a pair is too small where no eigenvalue lies below `−floor`, far below the pair, as
+/// beside a deep well at a few vertices: what is missing is measured by the pencil moved by the floor, in which its
+/// level is that much higher than above the pair.
 fn understated(value: f64, floor: f64, missing: f64) -> f64 {
     if floor > 0.0 { (missing + floor) / (missing + (-value).clamp(0.0, floor)) } else { 1.0 }
 }
@@ -77,7 +82,8 @@ pub(super) struct Attempt {
     /// The columns that a space may grow to.
     most: usize,
     pub(super) certificate: Certificate,
-    /// The largest estimated relative error, the kernel apart; of a guard only where its exact value may lie among those of the pairs.
+    /// The largest estimated relative error, the kernel apart; of a guard only where its exact value may lie among
+    /// those of the pairs.
     pub(super) largest_estimate: f64,
     /// The mean of them.
     mean_estimate: f64,
@@ -116,7 +122,8 @@ impl Attempt {
         Ok(())
     }
 
-    /// [`judge`](Self::judge) in so many parts of the surface, one after the other; where energy is missing is not told.
+    /// [`judge`](Self::judge) in so many parts of the surface, one after the other; where energy is missing is not
+    /// told.
     pub(super) fn judge_in_parts(
         &mut self,
         domain: Domain<'_>,
@@ -150,8 +157,8 @@ impl Attempt {
     /// What the certificate says of all pairs together; no eigenvalue lies below `−floor`.
     pub(super) fn conclude(&mut self, floor: f64, area: f64) {
         let pairs = &self.ritz.pairs;
-        // No eigenvalue lies below the floor, and none of index `k` above the value of pair `k`, which is a Ritz value unless rounding has decided it. A
-        // value that is exactly zero is known.
+        // No eigenvalue lies below the floor, and none of index `k` above the value of pair `k`, which is a Ritz value
+        // unless rounding has decided it. A value that is exactly zero is known.
         let possible = possible_from(floor, &pairs.values);
         let missing = level_of_missing(self.ritz.space.columns(), &pairs.values);
         let Certificate { estimates, bounds, .. } = &mut self.certificate;
@@ -187,7 +194,8 @@ impl Attempt {
         }
     }
 
-    /// The values of the pairs, unless one of them is below all that are possible: then it is no Ritz value, and rounding has decided the others as well.
+    /// The values of the pairs, unless one of them is below all that are possible: then it is no Ritz value, and
+    /// rounding has decided the others as well.
     ///
     /// # Errors
     /// [`ApproximationError::Rounding`].
@@ -201,7 +209,8 @@ impl Attempt {
         }
     }
 
-    /// Where columns may be too coarse for a limb and all seems well: whether there are eigenfunctions that the space does not know of.
+    /// Where columns may be too coarse for a limb and all seems well: whether there are eigenfunctions that the space
+    /// does not know of.
     pub(super) fn look_for_hidden(
         &mut self,
         domain: Domain<'_>,
@@ -247,8 +256,8 @@ impl Attempt {
         if self.hidden > 0 { estimated.max(1.0 + self.hidden as f64) } else { estimated }
     }
 
-    /// The columns that a space may grow to. Five dense matrices are promised memory; where functions reach far, the sparse ones of this space and
-    /// the next are not much smaller.
+    /// The columns that a space may grow to. Five dense matrices are promised memory; where functions reach far, the
+    /// sparse ones of this space and the next are not much smaller.
     fn most_beside_entries(&self) -> usize {
         let d = self.ritz.space.columns().max(1) as f64;
         let filled = self.ritz.mass.entries() as f64 / (d * d);

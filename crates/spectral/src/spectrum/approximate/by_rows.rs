@@ -1,8 +1,9 @@
-//! The space of an approximation a piece of the surface at a time: no one holds all of its columns, nor the whole matrix.
+//! The space of an approximation a piece of the surface at a time: no one holds all of its columns, nor the whole
+//! matrix.
 //!
-//! Pieces are the same whoever asks and however many parts there are, and so is the order in which what they give is added up: all parts have the same
-//! restricted matrices, to the last bit. Of a single piece they are those of a space in one piece. A part keeps the rows of the space that it measures
-//! with as they come by.
+//! Pieces are the same whoever asks and however many parts there are, and so is the order in which what they give is
+//! added up: all parts have the same restricted matrices, to the last bit. Of a single piece they are those of a space
+//! in one piece. A part keeps the rows of the space that it measures with as they come by.
 
 use chladni_base::parallel::*;
 
@@ -38,8 +39,8 @@ pub(super) struct Restricted {
     pub mass: SparseMatrix,
 }
 
-/// Prepares the columns that [`initial_space`](super::space::initial_space) makes. `parameters` tell afterwards how they were made. `None` where they
-/// are made in one piece alone: where some vertices become columns by themselves.
+/// Prepares the columns that [`initial_space`](super::space::initial_space) makes. `parameters` tell afterwards how
+/// they were made. `None` where they are made in one piece alone: where some vertices become columns by themselves.
 pub(super) fn columns(
     problem: &LaplacianByRows<'_>,
     parameters: &mut ApproximationParameters,
@@ -185,7 +186,8 @@ fn sum(a: &SparseMatrix, b: &SparseMatrix) -> SparseMatrix {
     )
 }
 
-/// The largest sum of magnitudes in a row of the stiffness over its mass, and other things that ask for each row once: [`Survey::new`].
+/// The largest sum of magnitudes in a row of the stiffness over its mass, and other things that ask for each row once:
+/// [`Survey::new`].
 pub(super) struct Survey {
     /// `xᵀSx` and `xᵀMx` for some vectors.
     pub products: Vec<f64>,

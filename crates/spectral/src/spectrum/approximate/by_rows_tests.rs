@@ -87,7 +87,8 @@ fn whether_columns_are_made_a_piece_at_a_time_is_known_beforehand() {
     for (mesh, dimension) in cases() {
         assert!(told(&mesh, dimension));
     }
-    // A vertex next to the middle of the edge across: its angle is flat, and the entries of the ends of that edge are large.
+    // A vertex next to the middle of the edge across: its angle is flat, and the entries of the ends of that edge are
+    // large.
     let mut needle = generate(Shape::Genus(2), 9000).unwrap();
     let [a, b, c] = needle.faces[100].map(|v| v as usize);
     let (b, c) = (needle.positions[b], needle.positions[c]);

@@ -1,12 +1,14 @@
 //! An approximation in parts of the surface that know nothing of each other, as for several machines.
 //!
-//! Columns and their dense eigenproblem are a small part of the work, and every part makes them anew: they are functions of mesh and parameters alone,
-//! so that all have the same pairs, however many parts there are. It holds a piece of them at a time, and the rows of the operator that belong to it
-//! (`by_rows.rs`). What is most of the work, and grows with the mesh, is to say how right the pairs are.
-//! That is a sum over vertices, and each part has its own: it measures what the pairs miss there (`energy/part.rs`), and keeps its rows of the
-//! subspace. The join puts rows one below the other, adds up, and concludes as for a whole.
+//! Columns and their dense eigenproblem are a small part of the work, and every part makes them anew: they are
+//! functions of mesh and parameters alone, so that all have the same pairs, however many parts there are. It holds a
+//! piece of them at a time, and the rows of the operator that belong to it (`by_rows.rs`). What is most of the work,
+//! and grows with the mesh, is to say how right the pairs are. That is a sum over vertices, and each part has its own:
+//! it measures what the pairs miss there (`energy/part.rs`), and keeps its rows of the subspace. The join puts rows one
+//! below the other, adds up, and concludes as for a whole.
 //!
-//! Whether a goal is reached is known at the join alone. Where it is not, the join begins again in one piece, which may add columns.
+//! Whether a goal is reached is known at the join alone. Where it is not, the join begins again in one piece, which may
+//! add columns.
 
 use std::borrow::Cow;
 
@@ -40,7 +42,8 @@ pub const MOST_PARTS: usize = 4096;
 /// Vertices that are worth a part where their number is not given.
 const NATURAL: usize = 500_000;
 
-/// Unknowns that a part measures at a time: what a panel and its hierarchy take, some 900 bytes an unknown, is more than all else that it holds.
+/// Unknowns that a part measures at a time: what a panel and its hierarchy take, some 900 bytes an unknown, is more
+/// than all else that it holds.
 pub const ROWS_AT_ONCE: usize = 1_100_000;
 
 /// Values of two machines differ by rounding: relative to themselves, by no more than this.
@@ -49,7 +52,8 @@ const SAME_VALUES: f64 = 1e-9;
 /// The same of the entries of coefficients, relative to the largest of all.
 const SAME_COEFFICIENTS: f64 = 1e-7;
 
-/// From so many unknowns on a goal that parts miss is told, and not reached in one piece: who divides as much has no room for one.
+/// From so many unknowns on a goal that parts miss is told, and not reached in one piece: who divides as much has no
+/// room for one.
 pub const TOLD_FROM: usize = super::MEASURED_IN_PARTS_FROM;
 
 /// An approximation and its plan.
@@ -74,11 +78,12 @@ enum Source<'a> {
 type WithRows<'f, 'p> = dyn Fn(&[u32]) -> Cow<'p, EigenProblem> + 'f;
 
 impl<'a> Parted<'a> {
-    /// Divides an approximation; into parts of half a million vertices where their number is not given. `version` is that of the solver.
+    /// Divides an approximation; into parts of half a million vertices where their number is not given. `version` is
+    /// that of the solver.
     ///
     /// # Errors
-    /// [`PartError::Unsuited`] where it is not of the Laplacian by cotangents with a lumped mass, columns have few vertices, pairs are to be
-    /// enclosed, or there are not as many vertices.
+    /// [`PartError::Unsuited`] where it is not of the Laplacian by cotangents with a lumped mass, columns have few
+    /// vertices, pairs are to be enclosed, or there are not as many vertices.
     pub fn new(
         mesh: &'a TriangleMesh,
         operator: &'a MeshOperator,
@@ -136,8 +141,8 @@ impl<'a> Parted<'a> {
         checked(problem.size(), parameters, parts)
     }
 
-    /// Whether [`solve`](Self::solve) makes its columns a piece of the surface at a time, which takes far less memory than all of them: so it is
-    /// where no vertex becomes a column by itself.
+    /// Whether [`solve`](Self::solve) makes its columns a piece of the surface at a time, which takes far less memory
+    /// than all of them: so it is where no vertex becomes a column by itself.
     pub fn is_by_pieces(problem: &LaplacianByRows<'_>, parameters: &ApproximationParameters) -> bool {
         by_rows::are_made(problem, &parameters.fitted(problem.size()))
     }
@@ -182,7 +187,8 @@ impl<'a> Parted<'a> {
         self.measured(ritz, rows_of(&part_of, number), number, (usize::MAX, &|_| Cow::Borrowed(problem)))
     }
 
-    /// A part of the surface for which columns are made a piece of so many rows at a time, and that is measured on so many at a time.
+    /// A part of the surface for which columns are made a piece of so many rows at a time, and that is measured on so
+    /// many at a time.
     fn solve_by_rows(
         &self,
         (problem, largest): (&LaplacianByRows<'_>, f64),
@@ -206,8 +212,8 @@ impl<'a> Parted<'a> {
         self.measured(ritz, rows, number, (rows_at_once, &|rows| Cow::Owned(problem.problem_with(rows, false))))
     }
 
-    /// What pairs miss on the rows of a part, so many of them at a time. `problem` has at least some rows of the stiffness, and the space has all of these
-    /// and those next to them.
+    /// What pairs miss on the rows of a part, so many of them at a time. `problem` has at least some rows of the
+    /// stiffness, and the space has all of these and those next to them.
     fn measured<'p>(
         &self,
         ritz: Ritz,
@@ -259,12 +265,13 @@ impl<'a> Parted<'a> {
         Ok(Part { plan, number, slices: Ok(Vec::new()), share: Some(share) })
     }
 
-    /// Joins all parts, which are asked for one after the other, from 0; what comes out is judged as an approximation in one piece. Where the goal is
-    /// missed it is made in one piece, and noted; of [`TOLD_FROM`] unknowns and more the report says that it is missed.
+    /// Joins all parts, which are asked for one after the other, from 0; what comes out is judged as an approximation
+    /// in one piece. Where the goal is missed it is made in one piece, and noted; of [`TOLD_FROM`] unknowns and more
+    /// the report says that it is missed.
     ///
     /// # Errors
-    /// Those of `part`; [`PartError::Version`], [`PartError::Foreign`] and [`PartError::Damaged`] name the part that cannot be used; those of
-    /// [`approximate`](super::approximate()).
+    /// Those of `part`; [`PartError::Version`], [`PartError::Foreign`] and [`PartError::Damaged`] name the part that
+    /// cannot be used; those of [`approximate`](super::approximate()).
     pub fn join(self, part: &mut dyn FnMut(usize) -> Result<Part, PartError>) -> Result<Basis, PartError> {
         self.join_within(part, true)
     }
@@ -408,7 +415,8 @@ pub(super) fn has_parts(operator: &MeshOperator) -> Result<(), &'static str> {
     }
 }
 
-/// Dense problems on one thread: on more, the last digits depend on how many there are, and parts would not fit each other.
+/// Dense problems on one thread: on more, the last digits depend on how many there are, and parts would not fit each
+/// other.
 struct OneThread;
 
 impl SymmetricDefiniteSolver for OneThread {
@@ -430,7 +438,8 @@ impl SymmetricDefiniteSolver for OneThread {
     }
 }
 
-/// The part of each unknown: the surface is halved across its longest extent, and so on, to as many parts of about one size.
+/// The part of each unknown: the surface is halved across its longest extent, and so on, to as many parts of about one
+/// size.
 pub(super) fn divided(mesh: &TriangleMesh, (n, unknowns): (usize, Option<&[u32]>), parts: usize) -> Vec<u32> {
     let mut part_of = vec![0u32; n];
     halved(mesh, unknowns, &mut (0..n as u32).collect::<Vec<u32>>(), parts, &mut part_of);

@@ -28,13 +28,15 @@ pub(in crate::spectrum) struct Ritz {
 /// The largest share of the last value that rounding makes of a zero, where the parts of a mesh have about one size.
 const ROUNDING: f64 = 1e-6;
 
-/// The same of the largest eigenvalue of the mesh: of a part that is far smaller than the others, the constant is rounded as its own values are.
+/// The same of the largest eigenvalue of the mesh: of a part that is far smaller than the others, the constant is
+/// rounded as its own values are.
 const UNIT: f64 = 64.0 * f64::EPSILON;
 
 /// What is more than this share of the last value is no zero.
 const MOST: f64 = 1e-3;
 
-/// What rounding makes of a zero: a share of the last value, or, where parts of a mesh differ in size, of the largest eigenvalue of all.
+/// What rounding makes of a zero: a share of the last value, or, where parts of a mesh differ in size, of the largest
+/// eigenvalue of all.
 pub(in crate::spectrum) fn rounding(problem: &EigenProblem, last: f64, share: f64) -> f64 {
     by_rounding(largest_row(problem), last, share).min(MOST * last)
 }
@@ -55,9 +57,9 @@ fn largest_row(problem: &EigenProblem) -> f64 {
 const APART: f64 = 0.5;
 
 impl Ritz {
-    /// With the lowest values exactly zero where constants on so many components are in the kernel: the functions of a space sum to one, and what a
-    /// dense solver finds instead is rounding, of single precision for a component next to nothing in size. Values that are small for another reason can
-    /// be told from them then.
+    /// With the lowest values exactly zero where constants on so many components are in the kernel: the functions of a
+    /// space sum to one, and what a dense solver finds instead is rounding, of single precision for a component next to
+    /// nothing in size. Values that are small for another reason can be told from them then.
     pub(super) fn with_zeros(self, problem: &EigenProblem, kernel: usize) -> Self {
         self.with_zeros_by(largest_row(problem), kernel)
     }
@@ -77,7 +79,8 @@ impl Ritz {
     }
 }
 
-/// Builds the space and computes the lowest `count` Ritz pairs in it. `parameters` tell afterwards how its functions were made.
+/// Builds the space and computes the lowest `count` Ritz pairs in it. `parameters` tell afterwards how its functions
+/// were made.
 pub(in crate::spectrum) fn ritz(
     domain: Domain<'_>,
     operator: &MeshOperator,
@@ -95,15 +98,15 @@ pub(in crate::spectrum) fn ritz(
     reduce(problem, space, count, monitor)
 }
 
-/// Where the mass of a space is not definite in double precision, columns this close to a combination of others are dropped, one bound after the
-/// other.
+/// Where the mass of a space is not definite in double precision, columns this close to a combination of others are
+/// dropped, one bound after the other.
 const DEPENDENT: [f64; 3] = [1e-5, 1e-4, 1e-3];
 
 /// Rounding may change no Ritz value by more than this share of the largest.
 pub(super) const MOST_ROUNDING: f64 = 1e-6;
 
-/// Whether some Ritz value is nothing but what rounding leaves of a sum of large terms: a combination of columns that all but cancel has next to no
-/// mass and next to no energy, and any quotient of the two.
+/// Whether some Ritz value is nothing but what rounding leaves of a sum of large terms: a combination of columns that
+/// all but cancel has next to no mass and next to no energy, and any quotient of the two.
 fn lost_to_rounding(stiffness: &SparseMatrix, pairs: &EigenPairs) -> bool {
     let largest = pairs.values.last().map_or(0.0, |value| value.abs());
     (0..pairs.values.len()).into_par_iter().any(|k| {
@@ -119,12 +122,13 @@ fn lost_to_rounding(stiffness: &SparseMatrix, pairs: &EigenPairs) -> bool {
     })
 }
 
-/// A dense problem is solved with errors of this share of its largest value; so much of the largest wanted one is nothing.
+/// A dense problem is solved with errors of this share of its largest value; so much of the largest wanted one is
+/// nothing.
 const PRECISION: f64 = 16.0 * f64::EPSILON;
 const NOTHING: f64 = 1e-9;
 
-/// Whether the wanted values may drown in the rounding errors of the largest ones: a column of a few vertices among needles has a quotient of energy and
-/// mass of 10^15, where its neighbours have one of 10.
+/// Whether the wanted values may drown in the rounding errors of the largest ones: a column of a few vertices among
+/// needles has a quotient of energy and mass of 10^15, where its neighbours have one of 10.
 fn drowned(stiffness: &SparseMatrix, mass: &SparseMatrix, pairs: &EigenPairs) -> bool {
     let wanted = size_of(pairs);
     let diagonal = |matrix: &SparseMatrix, row: usize| {
@@ -141,7 +145,8 @@ fn size_of(pairs: &EigenPairs) -> f64 {
     pairs.values.last().map_or(1.0, |value| value.abs().max(1.0))
 }
 
-/// The same pairs from `M̄ x = μ (S̄ + σM̄) x`, whose largest values are the wanted ones, so that none drowns: `θ = 1/μ − σ`.
+/// The same pairs from `M̄ x = μ (S̄ + σM̄) x`, whose largest values are the wanted ones, so that none drowns:
+/// `θ = 1/μ − σ`.
 ///
 /// # Errors
 /// [`EigenError`]: a shifted matrix or a mass that is not definite, or cancellation. What has drowned is no result.

@@ -19,15 +19,16 @@ pub(super) const SIGMA: f64 = 10.0;
 /// Moves of the samples toward the centroids of their cells: three of them take 15 % off the error.
 pub(super) const LLOYD_MOVES: usize = 3;
 
-/// Below this many vertices per dimension a mesh is solved exactly, in the space of all its hat functions: local functions of
-/// so few vertices would be close to dependent, and the dense problem is hardly larger.
+/// Below this many vertices per dimension a mesh is solved exactly, in the space of all its hat functions: local
+/// functions of so few vertices would be close to dependent, and the dense problem is hardly larger.
 pub(super) const EXACT_RATIO: f64 = 1.5;
 
-/// Rows of more entries than this are those of functions that reach everywhere, on what is no surface. They do not diffuse for longer.
+/// Rows of more entries than this are those of functions that reach everywhere, on what is no surface. They do not
+/// diffuse for longer.
 pub(super) const FEW_ENTRIES: usize = 25;
 
-/// The space that the approximation begins with: local functions, and hat functions where those are too coarse. `parameters` tell afterwards how the
-/// functions were made.
+/// The space that the approximation begins with: local functions, and hat functions where those are too coarse.
+/// `parameters` tell afterwards how the functions were made.
 pub(super) fn initial_space(
     domain: Domain<'_>,
     operator: &MeshOperator,
@@ -58,14 +59,14 @@ pub(super) fn initial_space(
     Ok(if with_hats.columns() <= most_initial_columns(n, d) { with_hats } else { space })
 }
 
-/// The columns that a space of a dimension begins with at most on a mesh of `n` vertices: those of its samples, and as many hat functions; but for
-/// one in each component that has no sample.
+/// The columns that a space of a dimension begins with at most on a mesh of `n` vertices: those of its samples, and as
+/// many hat functions; but for one in each component that has no sample.
 pub fn most_initial_columns(n: usize, dimension: usize) -> usize {
     (radial::most_columns(dimension) + dimension).min(n)
 }
 
-/// The space `U` of about `dimension` locally supported functions on the unknowns: its rows have the sum 1, or that of the envelope. A mesh of
-/// fewer than `1.5 d` unknowns gets all its hat functions.
+/// The space `U` of about `dimension` locally supported functions on the unknowns: its rows have the sum 1, or that of
+/// the envelope. A mesh of fewer than `1.5 d` unknowns gets all its hat functions.
 ///
 /// # Errors
 /// [`ApproximationError`]: a mesh without area, or cancellation.
@@ -98,7 +99,8 @@ fn functions(
     Ok((envelop(domain, space, operator, monitor)?, made))
 }
 
-/// Locally supported functions on all vertices, rows with sum 1, and how they were made. They follow the Laplacian, whatever the operator.
+/// Locally supported functions on all vertices, rows with sum 1, and how they were made. They follow the Laplacian,
+/// whatever the operator.
 fn local_functions(
     domain: Domain<'_>,
     laplacian: &EigenProblem,
@@ -162,8 +164,8 @@ fn in_solid(
     Ok((smooth, parameters.space))
 }
 
-/// The support of a function in a solid over the width of a cell, before it diffuses. With less than 1.5 columns that have diffused are 40 % worse, with 2.2 a tenth better for a tenth more
-/// entries.
+/// The support of a function in a solid over the width of a cell, before it diffuses. With less than 1.5 columns that
+/// have diffused are 40 % worse, with 2.2 a tenth better for a tenth more entries.
 const REACH_IN_SOLID: f64 = 1.8;
 
 /// From this many vertices per sample on, Dijkstra's distances start the heat steps as well as those of fast marching.

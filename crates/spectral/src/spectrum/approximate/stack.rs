@@ -1,14 +1,16 @@
 //! Rows that come in pieces of a matrix, put together.
 //!
-//! Columns are put in order first, then values, so that there are never two of both. Pieces that are let go of bit by bit while the whole is written
-//! take more, not less: the allocator keeps small blocks for itself, where large ones serve for what is asked for next (docs/decisions/0127).
+//! Columns are put in order first, then values, so that there are never two of both. Pieces that are let go of bit by
+//! bit while the whole is written take more, not less: the allocator keeps small blocks for itself, where large ones
+//! serve for what is asked for next (docs/decisions/0127).
 
 use chladni_algebra::SparseMatrix;
 use chladni_base::trim;
 
 use crate::operator::spread_rows;
 
-/// Of so many entries on what pieces leave behind is given back as they go: two copies of both would be more than all else.
+/// Of so many entries on what pieces leave behind is given back as they go: two copies of both would be more than all
+/// else.
 const MANY: usize = 1 << 24;
 
 /// Pieces of a matrix, each of some of its rows.

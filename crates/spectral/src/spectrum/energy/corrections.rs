@@ -1,11 +1,13 @@
 //! Residuals of many pairs together: the matrix `RᵀA⁻¹R` from above.
 //!
-//! With any `Y` and `E = R − AY` it is `YᵀR + EᵀY + EᵀA⁻¹E`, and the last term is at most `Eᵀ(σM)⁻¹E`. Columns come from the same cycles as those of
-//! single pairs. Whatever rounding does to a column is one more vector with a known norm; `‖a + b‖² ≤ (1 + s)‖a‖² + (1 + 1/s)‖b‖²` takes it apart,
-//! and what rounding does to an entry of a product goes to the diagonal by Cauchy and Schwarz.
+//! With any `Y` and `E = R − AY` it is `YᵀR + EᵀY + EᵀA⁻¹E`, and the last term is at most `Eᵀ(σM)⁻¹E`. Columns come
+//! from the same cycles as those of single pairs. Whatever rounding does to a column is one more vector with a known
+//! norm; `‖a + b‖² ≤ (1 + s)‖a‖² + (1 + 1/s)‖b‖²` takes it apart, and what rounding does to an entry of a product goes
+//! to the diagonal by Cauchy and Schwarz.
 //!
-//! Where triangles differ in size by many orders of magnitude, cycles in single precision leave too much of `E`, and a factor takes their place. `Y`
-//! is then kept as the sum of two columns in single precision, and of `E`, which is next to nothing, the norms are enough.
+//! Where triangles differ in size by many orders of magnitude, cycles in single precision leave too much of `E`, and a
+//! factor takes their place. `Y` is then kept as the sum of two columns in single precision, and of `E`, which is next
+//! to nothing, the norms are enough.
 
 use chladni_base::parallel::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -69,8 +71,9 @@ struct Column {
 }
 
 impl Energy<'_> {
-    /// The matrix `G`, symmetric, with `G − RᵀA⁻¹R` positive semi-definite, `A = S + (c + σ) M` and `R` the residuals of the pairs with values `ritz`
-    /// and vectors `space · coefficients`; the rows of `space` are in the order of the patches.
+    /// The matrix `G`, symmetric, with `G − RᵀA⁻¹R` positive semi-definite, `A = S + (c + σ) M` and `R` the residuals
+    /// of the pairs with values `ritz` and vectors `space · coefficients`; the rows of `space` are in the order of the
+    /// patches.
     ///
     /// # Errors
     /// [`Cancelled`], when asked to stop.
@@ -254,7 +257,8 @@ impl Energy<'_> {
     }
 }
 
-/// The norms of what was found of a column: in the mass `y`, in the inverse lumped mass `R − Ay` and what rounding does to it.
+/// The norms of what was found of a column: in the mass `y`, in the inverse lumped mass `R − Ay` and what rounding does
+/// to it.
 struct Norms {
     y: f64,
     rest: f64,

@@ -1,7 +1,8 @@
 //! `y = A⁻¹ r` by a factor, where cycles leave too much.
 //!
-//! Where triangles differ in size by many orders of magnitude, what four cycles leave of `r − Ay` is divided by masses next to nothing, and the bound
-//! says no more than that something is there. A factor of `A` closes it; the enclosure holds for any `y`, so that nothing rests on the factor.
+//! Where triangles differ in size by many orders of magnitude, what four cycles leave of `r − Ay` is divided by masses
+//! next to nothing, and the bound says no more than that something is there. A factor of `A` closes it; the enclosure
+//! holds for any `y`, so that nothing rests on the factor.
 
 use chladni_base::parallel::*;
 
@@ -16,15 +17,17 @@ use chladni_base::{Cancelled, Monitor, Share};
 const WIDE: f64 = 0.1;
 const _: () = assert!(WIDE > CLOSE, "what is close enough is never measured anew");
 
-/// Problems of more unknowns stay as they are measured by cycles: a factor would take longer than everything else, and more memory.
+/// Problems of more unknowns stay as they are measured by cycles: a factor would take longer than everything else, and
+/// more memory.
 pub const MOST_FACTORED: usize = 250_000;
 
 /// Matrices of more entries a row than this are of solids: a factor fills in as n^(4/3), and fewer rows are worth one.
 const ENTRIES_OF_SURFACES: usize = 10;
 const MOST_FACTORED_OF_SOLIDS: usize = 20_000;
 
-/// Bytes of such a factor for each unknown. On surfaces of so many unknowns at most it takes 850; one that fills in further, as triangles at random
-/// do, is not worth its memory, since memory for the whole was promised by the size of the mesh.
+/// Bytes of such a factor for each unknown. On surfaces of so many unknowns at most it takes 850; one that fills in
+/// further, as triangles at random do, is not worth its memory, since memory for the whole was promised by the size of
+/// the mesh.
 pub const FACTOR_BYTES: u64 = 1_200;
 
 const _: () = assert!(PANEL_WIDTH == LIFT_WIDTH, "a panel that is lifted is solved at once");
@@ -61,7 +64,8 @@ impl Solver<'_> {
 }
 
 impl Energy<'_> {
-    /// Measures those panels anew, with the solution itself instead of cycles, where some bound is wide. Where there is no factor, nothing changes.
+    /// Measures those panels anew, with the solution itself instead of cycles, where some bound is wide. Where there is
+    /// no factor, nothing changes.
     pub(super) fn narrow(
         &self,
         lifter: &RowLifter<'_>,

@@ -1,13 +1,16 @@
 //! What a cycle leaves of a residual, from above: by trees.
 //!
-//! `‖e‖²_{A⁻¹} ≤ ‖e‖²_{B⁻¹}` for every `B ≤ A`. With `B = σM` alone what is left is divided by masses next to nothing, and the finer the mesh, the more
-//! cycles it takes until that says something. But `S` is a sum `Σ w (x_i − x_j)²` over edges, and one that keeps the edges of a forest alone is below it:
-//! `B = T + σM` is eliminated from the leaves to the roots without fill, in one addition and one product for each row.
+//! `‖e‖²_{A⁻¹} ≤ ‖e‖²_{B⁻¹}` for every `B ≤ A`. With `B = σM` alone what is left is divided by masses next to nothing,
+//! and the finer the mesh, the more cycles it takes until that says something. But `S` is a sum `Σ w (x_i − x_j)²` over
+//! edges, and one that keeps the edges of a forest alone is below it: `B = T + σM` is eliminated from the leaves to the
+//! roots without fill, in one addition and one product for each row.
 //!
-//! What is left changes its sign within a few rows, and is told small where these are near each other in a tree as well. So rows are gathered into stars
-//! along strong edges, stars into stars of stars, and so on: whatever two rows a tree connects, it does so within a cluster of about their distance.
+//! What is left changes its sign within a few rows, and is told small where these are near each other in a tree as
+//! well. So rows are gathered into stars along strong edges, stars into stars of stars, and so on: whatever two rows a
+//! tree connects, it does so within a cluster of about their distance.
 //!
-//! Where an angle is obtuse the weight of an edge may be negative: [`obtuse`](super::obtuse) tells what may be taken of the others then.
+//! Where an angle is obtuse the weight of an edge may be negative: [`obtuse`](super::obtuse) tells what may be taken of
+//! the others then.
 
 use std::ops::Range;
 
@@ -43,8 +46,9 @@ pub(super) struct Pivot {
 }
 
 impl Forest {
-    /// A forest below `stiffness + floor · mass`. Of the cotangents of a surface `obtuse` tells what edges may be taken for; of any other matrix that is
-    /// known where weights are positive and rows sum to zero or more, and else there is nothing.
+    /// A forest below `stiffness + floor · mass`. Of the cotangents of a surface `obtuse` tells what edges may be taken
+    /// for; of any other matrix that is known where weights are positive and rows sum to zero or more, and else there
+    /// is nothing.
     pub(super) fn below(
         stiffness: &SparseMatrix,
         mass: &[f64],
@@ -147,8 +151,8 @@ fn nodes(stiffness: &SparseMatrix, obtuse: Option<&Obtuse>, rows: Range<usize>) 
     rooted(m, &kept)
 }
 
-/// Gathers clusters into stars along strong edges; the star of each cluster. The edges that hold them together go to `kept`; of several edges between two
-/// clusters one is left, the heaviest.
+/// Gathers clusters into stars along strong edges; the star of each cluster. The edges that hold them together go to
+/// `kept`; of several edges between two clusters one is left, the heaviest.
 fn stars(edges: &mut Vec<Edge>, clusters: usize, kept: &mut Vec<Edge>) -> Vec<u32> {
     const NONE: u32 = u32::MAX;
     edges.iter_mut().for_each(|edge| {

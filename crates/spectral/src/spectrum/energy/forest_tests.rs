@@ -15,7 +15,8 @@ fn operator_of(mesh: &TriangleMesh, boundary: Boundary) -> MeshOperator {
     assemble(mesh, &parameters, &Unwatched).unwrap()
 }
 
-/// Surfaces with obtuse triangles: a crumpled sphere, a plate ten times as long as wide, one that is sheared as much, and a crumpled torus.
+/// Surfaces with obtuse triangles: a crumpled sphere, a plate ten times as long as wide, one that is sheared as much,
+/// and a crumpled torus.
 fn surfaces() -> Vec<TriangleMesh> {
     let plate = generate(Shape::Rectangle, 500).unwrap();
     let mut long = noisy(&plate, 0.3, 3).unwrap();
@@ -139,7 +140,8 @@ fn negative_weights_that_nothing_is_known_of_have_no_forest() {
     let mesh = &surfaces()[1];
     let operator = operator_of(mesh, Boundary::Neumann);
     assert!(Energy::new(&operator.problem, 0.0, &Unwatched).unwrap().forest.is_none());
-    // A row that sums to less than nothing is no sum over edges either, but where a multiple of the mass makes up for it.
+    // A row that sums to less than nothing is no sum over edges either, but where a multiple of the mass makes up for
+    // it.
     let fair = operator_of(&generate(Shape::Rectangle, 400).unwrap(), Boundary::Neumann).problem;
     assert!(Energy::new(&fair, 0.0, &Unwatched).unwrap().forest.is_some());
     let mut values = fair.stiffness.values().to_vec();

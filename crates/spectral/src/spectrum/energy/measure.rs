@@ -2,10 +2,12 @@
 
 use chladni_algebra::gpu::ResidualSums;
 
-/// A pair that misses what is not far above its value, or below, gains more than this many times `‖r‖²_{A⁻¹}`, and nobody knows how much.
+/// A pair that misses what is not far above its value, or below, gains more than this many times `‖r‖²_{A⁻¹}`, and
+/// nobody knows how much.
 const MOST_AMPLIFIED: f64 = 6.0;
 
-/// One correction gains less than there is to gain: 9 % less in the median of 500 pairs on igea, armadillo, rolling-stage and bunny, 1 to 3 % for 50.
+/// One correction gains less than there is to gain: 9 % less in the median of 500 pairs on igea, armadillo,
+/// rolling-stage and bunny, 1 to 3 % for 50.
 const UNGAINED: f64 = 1.12;
 
 /// What is known of one pair on the mesh, on unit area.
@@ -28,8 +30,8 @@ pub struct Measure {
 }
 
 impl Measure {
-    /// Some exact eigenvalue is nearer to the Ritz value than this, on unit area: `η (θ + c + σ) / (1 − η)`, or `‖r‖_{M⁻¹} / ‖x‖_M` where that is
-    /// less.
+    /// Some exact eigenvalue is nearer to the Ritz value than this, on unit area: `η (θ + c + σ) / (1 − η)`, or
+    /// `‖r‖_{M⁻¹} / ‖x‖_M` where that is less.
     pub(super) fn distance(&self, theta: f64, floor: f64) -> f64 {
         let shifted = theta + floor + self.sigma;
         // Sums of squares err by far less than this.
@@ -48,8 +50,8 @@ impl Measure {
         }
     }
 
-    /// About how far the Ritz value lies above the exact one, on unit area: what is gained by the best multiple of `y ≈ A⁻¹r`, which is what the pair
-    /// misses, `(yᵀr)² / yᵀ(S − θM)y`. `mass_of_y` is `yᵀMy`.
+    /// About how far the Ritz value lies above the exact one, on unit area: what is gained by the best multiple of
+    /// `y ≈ A⁻¹r`, which is what the pair misses, `(yᵀr)² / yᵀ(S − θM)y`. `mass_of_y` is `yᵀMy`.
     pub(super) fn error(&self, theta: f64, mass_of_y: f64) -> f64 {
         let square = self.below * self.below;
         let left = 1.0 - (theta + self.sigma) * mass_of_y / square.max(f64::MIN_POSITIVE);

@@ -1,8 +1,9 @@
 //! What obtuse triangles leave of the edges of a surface.
 //!
-//! The matrix of a triangle with half cotangents `a`, `b` and `−c` has no negative eigenvalue, since `ab ≥ c (a + b)`, and neither has what is left of it
-//! where the two edges of positive weight give away all but the share `x = c (a + b) / (ab)` of theirs: `xa · xb = c (xa + xb)`. A triangle without an
-//! obtuse angle gives away all that it has. So an edge may be taken for what its triangles give together.
+//! The matrix of a triangle with half cotangents `a`, `b` and `−c` has no negative eigenvalue, since `ab ≥ c (a + b)`,
+//! and neither has what is left of it where the two edges of positive weight give away all but the share
+//! `x = c (a + b) / (ab)` of theirs: `xa · xb = c (xa + xb)`. A triangle without an obtuse angle gives away all that it
+//! has. So an edge may be taken for what its triangles give together.
 
 use chladni_base::Spare;
 use chladni_base::parallel::*;
@@ -15,8 +16,9 @@ use chladni_mesh::points::COVERS;
 /// Sums of cotangents err by no more, relative to their magnitudes, and shares are rounded up by as much.
 const ROUNDED: f64 = 1e-12;
 
-/// So many times the sum of its two positive half cotangents, a triangle's cotangents differ relatively where its corners come in another order: cross
-/// products err by rounding of the longest edge's square, which over the doubled area is twice that sum.
+/// So many times the sum of its two positive half cotangents, a triangle's cotangents differ relatively where its
+/// corners come in another order: cross products err by rounding of the longest edge's square, which over the doubled
+/// area is twice that sum.
 const CORNERS: f64 = 128.0 * f64::EPSILON;
 
 /// Faces that one task looks at.
@@ -67,8 +69,8 @@ pub(super) struct Obtuse {
 }
 
 impl Obtuse {
-    /// Those of the `triangles` that have no corner in another row of `problem` than the given ones. Rows are called by their places among these;
-    /// vertices that are held at zero have none.
+    /// Those of the `triangles` that have no corner in another row of `problem` than the given ones. Rows are called by
+    /// their places among these; vertices that are held at zero have none.
     pub(super) fn of<'a>(triangles: impl Into<Cotangents<'a>>, problem: &EigenProblem, rows: &[u32]) -> Self {
         const HELD: u32 = u32::MAX;
         const OTHER: u32 = HELD - 1;
@@ -92,7 +94,8 @@ impl Obtuse {
             }
             let (next, last) = ((corner + 1) % 3, (corner + 2) % 3);
             let [a, b, c] = [next, last, corner].map(|k| shape.half_cotangents[k].abs());
-            // Of points the stiffness has the corners in another order, and cotangents of a needle differ by more than rounding then.
+            // Of points the stiffness has the corners in another order, and cotangents of a needle differ by more than
+            // rounding then.
             let (copies, errs) = match triangles {
                 Cotangents::Surface(_) => (1.0, 0.0),
                 Cotangents::Local { .. } => (copies as f64 / COVERS, CORNERS * (a + b)),

@@ -1,4 +1,5 @@
-//! The same measures from a graphics card, where that is faster: it sums up, what follows from the sums is decided here.
+//! The same measures from a graphics card, where that is faster: it sums up, what follows from the sums is decided
+//! here.
 
 use super::rows::PairResidual;
 use super::{Density, Energy, KernelAndGoal, MOST_STEPS, Measure};
@@ -46,8 +47,8 @@ impl Judge for Closeness<'_> {
 }
 
 impl Energy<'_> {
-    /// What [`measure`](Self::measure) says, but for pairs whose bounds want a factor; nothing where the CPU is to do it. The rows of `space` are in
-    /// the order of the patches.
+    /// What [`measure`](Self::measure) says, but for pairs whose bounds want a factor; nothing where the CPU is to do
+    /// it. The rows of `space` are in the order of the patches.
     pub(in crate::spectrum) fn measure_on_device(
         &self,
         accelerator: &Accelerator,

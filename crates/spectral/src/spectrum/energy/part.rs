@@ -1,9 +1,10 @@
 //! The same norms from some rows at a time, which need nothing of the others.
 //!
-//! Take away the triangles that have corners in several parts: their matrices are positive semi-definite, so that what is left, `Ã`, is below `A`,
-//! and `‖r‖_{A⁻¹} ≤ ‖r‖_{Ã⁻¹}`. `Ã` falls apart into the parts, and every sum of the enclosure into one for each. The residual `r` is the true one: rows of
-//! the stiffness are taken whole, with the values at their neighbours in other parts. So bounds hold as before, and are wider only by what a residual
-//! beside a cut weighs more.
+//! Take away the triangles that have corners in several parts: their matrices are positive semi-definite, so that what
+//! is left, `Ã`, is below `A`, and `‖r‖_{A⁻¹} ≤ ‖r‖_{Ã⁻¹}`. `Ã` falls apart into the parts, and every sum of the
+//! enclosure into one for each. The residual `r` is the true one: rows of the stiffness are taken whole, with the
+//! values at their neighbours in other parts. So bounds hold as before, and are wider only by what a residual beside a
+//! cut weighs more.
 
 use std::collections::HashMap;
 use std::sync::OnceLock;
@@ -79,11 +80,13 @@ impl PairShare {
     }
 }
 
-/// A pair gains at most this many times `‖r‖²_{A⁻¹}`, as estimated. Beside a cut a correction holds what is constant on its part, which of the whole it would
-/// not; by itself that looks like a pair that misses what lies just above its value, and gains six times as much.
+/// A pair gains at most this many times `‖r‖²_{A⁻¹}`, as estimated. Beside a cut a correction holds what is constant on
+/// its part, which of the whole it would not; by itself that looks like a pair that misses what lies just above its
+/// value, and gains six times as much.
 const MOST_GAINED: f64 = 2.0;
 
-/// What is known of pairs whose shares of all parts are summed up, on unit area, of an operator without negative eigenvalues and with a lumped mass.
+/// What is known of pairs whose shares of all parts are summed up, on unit area, of an operator without negative
+/// eigenvalues and with a lumped mass.
 pub(in crate::spectrum) fn measures(sums: &[PairShare], ritz: &[f64], kernel: f64) -> Vec<Measure> {
     let limits = KernelAndGoal { kernel, goal: None };
     let one = |(at, (share, &theta)): (usize, (&PairShare, &f64))| {
@@ -98,7 +101,8 @@ pub(in crate::spectrum) fn measures(sums: &[PairShare], ritz: &[f64], kernel: f6
 }
 
 impl<'a> Energy<'a> {
-    /// Prepares the rows of one part; `part_of` tells that of each row. The mass is lumped, and the stiffness that of the cotangents of `mesh`.
+    /// Prepares the rows of one part; `part_of` tells that of each row. The mass is lumped, and the stiffness that of
+    /// the cotangents of `mesh`.
     ///
     /// # Errors
     /// As [`new`](Self::new).
@@ -138,8 +142,8 @@ impl<'a> Energy<'a> {
         })
     }
 
-    /// The shares of the rows of this part in the sums of all pairs with Ritz values `ritz`, ascending, and vectors `space · coefficients`; the rows of
-    /// `space` are those that [`in_order`](Self::in_order) picks of the whole.
+    /// The shares of the rows of this part in the sums of all pairs with Ritz values `ritz`, ascending, and vectors
+    /// `space · coefficients`; the rows of `space` are those that [`in_order`](Self::in_order) picks of the whole.
     ///
     /// # Errors
     /// [`Cancelled`], when asked to stop.

@@ -34,7 +34,8 @@ pub(super) struct Residuals {
 #[derive(Default, Clone, Copy)]
 pub(super) struct PairResidual {
     pub(super) sums: ResidualSums,
-    /// `‖δ‖` in the inverse lumped mass, δ a bound on the rounding errors of each row, storing it in single precision included.
+    /// `‖δ‖` in the inverse lumped mass, δ a bound on the rounding errors of each row, storing it in single precision
+    /// included.
     pub(super) rounding: f64,
 }
 
@@ -167,8 +168,8 @@ impl Energy<'_> {
         );
     }
 
-    /// Adds the terms of the enclosure on a patch, in double precision; `y` holds the patch and its first ring. `rests`, if there are as many, become
-    /// `r − Ay`.
+    /// Adds the terms of the enclosure on a patch, in double precision; `y` holds the patch and its first ring.
+    /// `rests`, if there are as many, become `r − Ay`.
     pub(super) fn enclose<T: Copy + Into<f64>>(
         &self,
         of: Enclosed<'_>,
@@ -259,8 +260,8 @@ fn lanes_of(row: &[f64; LIFT_WIDTH], half: usize) -> &[f64; CYCLE_WIDTH] {
     &halves[half]
 }
 
-/// For each `j` the weight `w_j` with `Σ_i γ_i² (Σ_j |S_ij| |x_j|)² / m_i ≤ Σ_j w_j x_j²`, by Cauchy and Schwarz row by row: γ_i bounds the
-/// rounding errors of a sum as long as row `i`.
+/// For each `j` the weight `w_j` with `Σ_i γ_i² (Σ_j |S_ij| |x_j|)² / m_i ≤ Σ_j w_j x_j²`, by Cauchy and Schwarz row by
+/// row: γ_i bounds the rounding errors of a sum as long as row `i`.
 pub(super) fn rounding_weights(stiffness: &SparseMatrix, lumped: &[f64]) -> Vec<f64> {
     let mut weights = vec![0.0; lumped.len()];
     for row in 0..lumped.len() {

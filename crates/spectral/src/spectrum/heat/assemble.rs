@@ -14,7 +14,8 @@ const WIDEST: usize = 64;
 pub(super) struct Kept {
     /// Smaller ones are dropped.
     pub least: f32,
-    /// Whether negative ones stay, too, by their size: beside flat tetrahedra columns follow the stiffness only with them.
+    /// Whether negative ones stay, too, by their size: beside flat tetrahedra columns follow the stiffness only with
+    /// them.
     pub signed: bool,
     /// Entries a row on average, beyond which columns reach everywhere, and how many each row keeps then.
     pub most: (usize, usize),
@@ -55,8 +56,8 @@ impl Part {
     }
 }
 
-/// The largest entries of each row, of panels in any order: triangles between vertices at random have columns that reach
-/// everywhere, whose entries together would be a dense matrix.
+/// The largest entries of each row, of panels in any order: triangles between vertices at random have columns that
+/// reach everywhere, whose entries together would be a dense matrix.
 pub(super) struct WidestRows {
     rows: Vec<Vec<(u32, f32)>>,
 }

@@ -7,11 +7,13 @@ use chladni_base::parallel::*;
 use super::level::Level;
 use chladni_base::{Cancelled, Monitor};
 
-/// A coarse weight is the sum of the fine ones across the boundary of two cells, each times the share of the way between the
-/// seeds that its edge makes; edges and paths are not straight, and this factor makes up for the mean of that.
+/// A coarse weight is the sum of the fine ones across the boundary of two cells, each times the share of the way
+/// between the seeds that its edge makes; edges and paths are not straight, and this factor makes up for the mean of
+/// that.
 const STRAIGHTENING: f32 = 0.9;
 
-/// Vertices of more triangles or edges than this are hubs: what goes through all of theirs looks whether it is still wanted.
+/// Vertices of more triangles or edges than this are hubs: what goes through all of theirs looks whether it is still
+/// wanted.
 const LARGE_FAN: usize = 512;
 
 /// A surface that a level lives on: positions on unit area, relative to some origin near the surface, and triangles.
@@ -39,9 +41,10 @@ pub(super) struct Coarsening {
 impl Coarsening {
     /// Gathers vertices within `hops` edges and the length `reach` around seeds; the `forced` vertices are seeds.
     ///
-    /// Coarse triangles are those fine ones whose corners lie in three cells, moved to the seeds: the stiffness is that of
-    /// linear elements on them, and a fine vertex interpolates linearly on the triangle over it. Where cells touch without
-    /// such a triangle (a tube thinner than a cell), a finite-volume weight stands in. Masses add up over cells.
+    /// Coarse triangles are those fine ones whose corners lie in three cells, moved to the seeds: the stiffness is that
+    /// of linear elements on them, and a fine vertex interpolates linearly on the triangle over it. Where cells touch
+    /// without such a triangle (a tube thinner than a cell), a finite-volume weight stands in. Masses add up over
+    /// cells.
     pub fn new(
         fine: &Level,
         surface: Surface,
@@ -144,8 +147,8 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Barycentric coordinates in the triangle of the fan around `cell` that holds the projection of `position` best, cut to the
-/// triangle; the cell alone where it has no triangle.
+/// Barycentric coordinates in the triangle of the fan around `cell` that holds the projection of `position` best, cut
+/// to the triangle; the cell alone where it has no triangle.
 fn interpolate(position: [f32; 3], cell: u32, coarse: Surface, fan: &[u32]) -> ([u32; 3], [f32; 3]) {
     let mut best = ([cell; 3], [1.0, 0.0, 0.0]);
     let mut inside = f32::NEG_INFINITY;
@@ -210,7 +213,8 @@ fn seeds(fine: &Level, hops: usize, reach: f32, forced: &[u32], monitor: &dyn Mo
             let edges = fine.edges(u as usize);
             if edges.len() > LARGE_FAN {
                 monitor.checkpoint()?;
-                // Whoever came here closer has covered what can be covered from here: else a hub would be gone through for each seed around it.
+                // Whoever came here closer has covered what can be covered from here: else a hub would be gone through
+                // for each seed around it.
                 let closest = hubs.entry(u).or_insert((u32::MAX, f32::INFINITY));
                 if closest.0 <= hop && closest.1 <= at {
                     continue;
@@ -231,8 +235,8 @@ fn seeds(fine: &Level, hops: usize, reach: f32, forced: &[u32], monitor: &dyn Mo
     Ok(seeds)
 }
 
-/// The nearest seed of every vertex along edges and how far it is. No seed is farther than `hops` edges; paths of one more are
-/// tried. Each round looks at the distances of the one before only, so the order of vertices does not matter.
+/// The nearest seed of every vertex along edges and how far it is. No seed is farther than `hops` edges; paths of one
+/// more are tried. Each round looks at the distances of the one before only, so the order of vertices does not matter.
 fn voronoi(fine: &Level, seeds: &[u32], hops: usize, monitor: &dyn Monitor) -> Result<(Vec<u32>, Vec<f32>), Cancelled> {
     let n = fine.vertices();
     let mut nearest = vec![(f32::INFINITY, u32::MAX); n];
@@ -350,8 +354,8 @@ struct Link {
     length: f32,
 }
 
-/// Adds up the weights of links to one cell, in the order in which they came; `more` joins the rest. Looking each of them up would be quadratic in
-/// the valence of a cell.
+/// Adds up the weights of links to one cell, in the order in which they came; `more` joins the rest. Looking each of
+/// them up would be quadratic in the valence of a cell.
 fn merge(row: &mut Vec<Link>, more: impl Fn(&mut Link, &Link)) {
     row.sort_by_key(|link| link.other);
     row.dedup_by(|later, sum| {
@@ -368,11 +372,12 @@ fn merge(row: &mut Vec<Link>, more: impl Fn(&mut Link, &Link)) {
 /// weights stay below 25.
 const LEAST_AREA: f64 = 0.01;
 
-/// The weights of a linear element, `−e_i · e_j / 4A` for the two edges at each corner: weight `k` belongs to the edge opposite corner `k`.
+/// The weights of a linear element, `−e_i · e_j / 4A` for the two edges at each corner: weight `k` belongs to the edge
+/// opposite corner `k`.
 ///
-/// One area serves all three, at least [`LEAST_AREA`] of the longest edge squared, so the element matrix is `E Eᵀ / 4A`, `E` the three
-/// edges: semi-definite whatever the triangle. Three cotangents that are rounded or cut off one by one are not: heat steps
-/// amplify then.
+/// One area serves all three, at least [`LEAST_AREA`] of the longest edge squared, so the element matrix is
+/// `E Eᵀ / 4A`, `E` the three edges: semi-definite whatever the triangle. Three cotangents that are rounded or cut off
+/// one by one are not: heat steps amplify then.
 pub(super) fn element_weights(corners: [[f32; 3]; 3]) -> [f64; 3] {
     let [p, q, r] = corners.map(|corner| corner.map(f64::from));
     let minus = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];

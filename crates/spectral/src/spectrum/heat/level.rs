@@ -23,8 +23,8 @@ pub(super) struct Level {
 }
 
 impl Level {
-    /// The mesh itself: the stiffness and lumped mass of `problem` and the lengths of `connectivity` over √area. An entry that
-    /// only one of the two knows gets weight 0, or a length that no path takes.
+    /// The mesh itself: the stiffness and lumped mass of `problem` and the lengths of `connectivity` over √area. An
+    /// entry that only one of the two knows gets weight 0, or a length that no path takes.
     pub fn finest(problem: &EigenProblem, connectivity: &Connectivity) -> Result<Self, HeatError> {
         let n = problem.stiffness.rows();
         if !(problem.area > 0.0 && problem.area.is_finite()) {
@@ -42,7 +42,8 @@ impl Level {
         Ok(Self::concatenate(chunks))
     }
 
-    /// The same of a problem without its matrix, by the edges of the mesh, which serve no one else, and its rows, a run of so many at a time.
+    /// The same of a problem without its matrix, by the edges of the mesh, which serve no one else, and its rows, a run
+    /// of so many at a time.
     pub fn finest_by_rows(problem: &LaplacianByRows<'_>, connectivity: Connectivity) -> Result<Self, HeatError> {
         const ROWS: usize = 1 << 19;
         let n = problem.size();
@@ -128,8 +129,8 @@ impl Level {
         self.weights.iter().any(|weight| weight.abs() > STIFF)
     }
 
-    /// Takes the weights of the triangles of `surface` in place of its own, with an area for flat ones that keeps weights below
-    /// 25: functions are only smoothed with them. Edges of no triangle keep what they have, up to that.
+    /// Takes the weights of the triangles of `surface` in place of its own, with an area for flat ones that keeps
+    /// weights below 25: functions are only smoothed with them. Edges of no triangle keep what they have, up to that.
     pub fn take_weights(&mut self, surface: Surface) {
         let mut sums: Vec<Option<f64>> = vec![None; self.weights.len()];
         for &triangle in surface.triangles {

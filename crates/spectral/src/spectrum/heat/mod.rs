@@ -1,13 +1,13 @@
-//! The heat-smoothed construction: radial columns, diffused for a short time, make a subspace whose Ritz values err by a few
-//! tenths of a percent where the radial columns alone err by a few percent.
+//! The heat-smoothed construction: radial columns, diffused for a short time, make a subspace whose Ritz values err by
+//! a few tenths of a percent where the radial columns alone err by a few percent.
 //!
 //! On the surface scaled to unit area, with `d` columns:
 //! 1. every column `u` of the partition of unity becomes `(M + τS)⁻¹M … (M + τS)⁻¹M u`, `steps` implicit heat steps;
 //! 2. small entries are shrunk smoothly to zero (a hard cut costs ten times the error at the same number of entries);
 //! 3. rows are normalised to a partition of unity again.
 //!
-//! A fine mesh is coarsened first (`level`), the columns are diffused on the coarse level (`panel`), and local smoothing
-//! on the way back removes what the coarse level cannot represent.
+//! A fine mesh is coarsened first (`level`), the columns are diffused on the coarse level (`panel`), and local
+//! smoothing on the way back removes what the coarse level cannot represent.
 
 mod assemble;
 mod coarsen;
@@ -37,18 +37,19 @@ use level::Level;
 pub(super) use piecewise::Diffused;
 pub use solid::smooth_in_solid;
 
-/// A level of at most so many vertices a column is coarse enough to take heat steps on. Measured: with a third of that the error
-/// of the eigenvalues grows by a half.
+/// A level of at most so many vertices a column is coarse enough to take heat steps on. Measured: with a third of that
+/// the error of the eigenvalues grows by a half.
 const COARSE_RATIO: f64 = 70.0;
 
 /// Levels above the mesh, at most.
 const MOST_LEVELS: usize = 8;
 
-/// Entries below this share of the threshold are dropped on coarse levels: what is shrunk away in the end need not be carried.
+/// Entries below this share of the threshold are dropped on coarse levels: what is shrunk away in the end need not be
+/// carried.
 const COARSE_DROP: f64 = 0.3;
 
-/// What removes the kinks of linear interpolation. Degree 3 is nearly as good, degree 10 takes another third off the error but
-/// spreads the columns.
+/// What removes the kinks of linear interpolation. Degree 3 is nearly as good, degree 10 takes another third off the
+/// error but spreads the columns.
 const SMOOTHER: polish::Smoother = polish::Smoother { degree: 4, least: 0.2, block: 500 };
 
 /// How columns are smoothed; lengths and times are relative to the surface of unit area and the number of columns `d`.
@@ -88,9 +89,10 @@ impl HeatParameters {
         Self { threshold: 0.002, tolerance: 1e-3, ..Self::default() }
     }
 
-    /// The usual parameters, [`Self::default`] or [`Self::accurate`], for cells of few vertices: twice the steps, and next to no thinning. A column
-    /// of a dozen vertices that has diffused for less than the square of an edge, or is cut off early, is a step, and a limb or a crowd of thin
-    /// triangles is missed by several percent; the longer rows cost little there, beside the dense part. `None` for parameters that somebody chose.
+    /// The usual parameters, [`Self::default`] or [`Self::accurate`], for cells of few vertices: twice the steps, and
+    /// next to no thinning. A column of a dozen vertices that has diffused for less than the square of an edge, or is
+    /// cut off early, is a step, and a limb or a crowd of thin triangles is missed by several percent; the longer rows
+    /// cost little there, beside the dense part. `None` for parameters that somebody chose.
     pub fn for_few_vertices(self) -> Option<Self> {
         (self == Self::default() || self == Self::accurate()).then_some(Self {
             steps: 8,
@@ -179,9 +181,10 @@ pub enum HeatError {
 
 /// Smooths `columns` (`n × d`, rows sum to 1) by heat steps and returns the final `n × d` matrix.
 ///
-/// `problem` is the eigenproblem of `mesh` on unit area, `connectivity` its edges. Every row of the result sums to 1 and every column has an entry;
-/// negative entries are cut. The result does not depend on the number of threads. A consistent mass is used lumped: only the smoothness of the
-/// columns depends on it, not the exactness of what is computed with them later.
+/// `problem` is the eigenproblem of `mesh` on unit area, `connectivity` its edges. Every row of the result sums to 1
+/// and every column has an entry; negative entries are cut. The result does not depend on the number of threads. A
+/// consistent mass is used lumped: only the smoothness of the columns depends on it, not the exactness of what is
+/// computed with them later.
 ///
 /// # Errors
 /// [`HeatError`] names what is wrong with the parameters or the inputs, or says that the monitor cancelled.
@@ -202,7 +205,8 @@ pub fn smooth(
     let peaks = peaks(columns.borrow())?;
     monitor.checkpoint()?;
     let level = Level::finest(problem, connectivity.borrow())?;
-    // What is given away is let go of as soon as it has served: of millions of vertices it is a good part of what there is.
+    // What is given away is let go of as soon as it has served: of millions of vertices it is a good part of what there
+    // is.
     drop(connectivity);
     let rows = move |vertices: Option<&[u32]>| match vertices {
         Some(vertices) => columns.borrow().select_rows(vertices),
@@ -212,8 +216,9 @@ pub fn smooth(
     Ok(diffused((mesh, problem.area), level, start, parameters, monitor)?.all(monitor)?)
 }
 
-/// The same of columns that are not put in rows, and a problem without its matrix; what comes out makes the rows that are asked for. `connectivity` needs
-/// no faces. `None` where some entry on the diagonal of the stiffness exceeds `most`.
+/// The same of columns that are not put in rows, and a problem without its matrix; what comes out makes the rows that
+/// are asked for. `connectivity` needs no faces. `None` where some entry on the diagonal of the stiffness exceeds
+/// `most`.
 ///
 /// # Errors
 /// As [`smooth`].

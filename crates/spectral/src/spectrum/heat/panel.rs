@@ -1,8 +1,8 @@
 //! Heat steps on sixteen neighbouring columns at once.
 //!
-//! Neighbouring columns share most of their patches, so sixteen are solved together on the union of theirs: one pass over the
-//! matrix serves all, and the sixteen lanes are what the vector units want. The solver is conjugate gradients with one set of
-//! scalars per lane, on the matrix scaled to unit diagonal.
+//! Neighbouring columns share most of their patches, so sixteen are solved together on the union of theirs: one pass
+//! over the matrix serves all, and the sixteen lanes are what the vector units want. The solver is conjugate gradients
+//! with one set of scalars per lane, on the matrix scaled to unit diagonal.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -34,9 +34,9 @@ pub(super) struct Heat {
     pub tolerance: f32,
 }
 
-/// Diffuses `columns` (rows: vertices of `level`) and returns every entry that stays, or the largest of each row where columns reach
-/// everywhere; rows are not normalised.
-/// `peaks` is a vertex in the middle of each column; panels are gathered around them.
+/// Diffuses `columns` (rows: vertices of `level`) and returns every entry that stays, or the largest of each row where
+/// columns reach everywhere; rows are not normalised. `peaks` is a vertex in the middle of each column; panels are
+/// gathered around them.
 pub(super) fn diffuse(
     level: &Level,
     columns: &SparseMatrix<f32>,

@@ -1,7 +1,8 @@
 //! Columns that have diffused on a coarse level, and come back to the mesh a piece at a time.
 //!
-//! All columns of a surface of millions of vertices are more than all else. The last step back to the mesh smooths blocks of vertices by themselves,
-//! so that whoever needs some rows has them made, and gets those that he would have of all, to the last bit.
+//! All columns of a surface of millions of vertices are more than all else. The last step back to the mesh smooths
+//! blocks of vertices by themselves, so that whoever needs some rows has them made, and gets those that he would have
+//! of all, to the last bit.
 
 use super::coarsen::Coarsening;
 use super::level::Level;
@@ -82,7 +83,8 @@ impl Diffused {
         }
     }
 
-    /// The rows that are wanted; the others are empty. Columns in `bare` have their peaks put back, as those have that are left with nothing in all rows.
+    /// The rows that are wanted; the others are empty. Columns in `bare` have their peaks put back, as those have that
+    /// are left with nothing in all rows.
     pub(in crate::spectrum) fn rows(
         &self,
         wanted: &[bool],

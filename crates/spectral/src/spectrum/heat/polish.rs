@@ -1,7 +1,8 @@
 //! From a coarse level back to a finer one: linear interpolation and a smoother that removes its kinks.
 //!
-//! The smoother is a Chebyshev polynomial in the scaled stiffness, so that nothing global is needed: a block of vertices with a
-//! halo as wide as the polynomial's degree is smoothed by itself, for all columns that reach it, within the cache.
+//! The smoother is a Chebyshev polynomial in the scaled stiffness, so that nothing global is needed: a block of
+//! vertices with a halo as wide as the polynomial's degree is smoothed by itself, for all columns that reach it, within
+//! the cache.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -19,10 +20,12 @@ const WIDTH: usize = 16;
 
 type Lanes = [f32; WIDTH];
 
-/// Upper end of the spectrum of the scaled stiffness: its rows are scaled so that their absolute values sum to at most this.
+/// Upper end of the spectrum of the scaled stiffness: its rows are scaled so that their absolute values sum to at most
+/// this.
 const GREATEST: f64 = 2.0;
 
-/// Vertices with more neighbours than this are hubs, and keep their interpolated value: the halo of a block beside one would be the whole fan.
+/// Vertices with more neighbours than this are hubs, and keep their interpolated value: the halo of a block beside one
+/// would be the whole fan.
 const HUB: usize = 512;
 
 /// How to smooth.
@@ -234,7 +237,8 @@ impl Smoothing<'_> {
         part
     }
 
-    /// The vertices of a block, then ring after ring around it, and where each of these ends. `local` is told their places.
+    /// The vertices of a block, then ring after ring around it, and where each of these ends. `local` is told their
+    /// places.
     fn rings(&self, block: &[u32], local: &mut [u32]) -> (Vec<u32>, Vec<usize>) {
         let mut vertices = block.to_vec();
         for (k, &v) in vertices.iter().enumerate() {

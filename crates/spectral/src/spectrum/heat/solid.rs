@@ -1,8 +1,9 @@
 //! Heat steps in solids.
 //!
-//! Two things differ from surfaces. A cell of `d` in the unit volume is `d^(-⅓)` wide, and more columns reach over it. And tetrahedra of next to no height,
-//! which most files have, tie the values at their corners together by a linear relation that is no mean: columns that follow it have negative entries, and what
-//! is cut off near them must be smaller than elsewhere. Without negative entries, eigenvalues of bunny-tet.mesh are 20 % too high; with them .1 %.
+//! Two things differ from surfaces. A cell of `d` in the unit volume is `d^(-⅓)` wide, and more columns reach over it.
+//! And tetrahedra of next to no height, which most files have, tie the values at their corners together by a linear
+//! relation that is no mean: columns that follow it have negative entries, and what is cut off near them must be
+//! smaller than elsewhere. Without negative entries, eigenvalues of bunny-tet.mesh are 20 % too high; with them .1 %.
 
 use chladni_base::parallel::*;
 
@@ -14,21 +15,24 @@ use chladni_algebra::SparseMatrix;
 use chladni_base::Monitor;
 use chladni_mesh::connectivity::Connectivity;
 
-/// Entries a row on average, beyond which columns reach everywhere, and how many each row keeps then. Cubes have 110 at most.
+/// Entries a row on average, beyond which columns reach everywhere, and how many each row keeps then. Cubes have 110 at
+/// most.
 const MOST: (usize, usize) = (400, 150);
 
-/// A vertex is stiff where its entry on the diagonal, over the width of its own share of the volume, exceeds that of the median vertex by this factor.
+/// A vertex is stiff where its entry on the diagonal, over the width of its own share of the volume, exceeds that of
+/// the median vertex by this factor.
 const STIFF: f32 = 3.0;
 
-/// The mass of a vertex is at least this share of its stiffness over a heat step: less is lost in single precision beside it.
+/// The mass of a vertex is at least this share of its stiffness over a heat step: less is lost in single precision
+/// beside it.
 const LEAST_MASS: f32 = 1e-6;
 
 /// A row whose entries cancel to less than this share of their size is no mean of anything.
 const CANCELLED: f32 = 0.1;
 
 impl HeatParameters {
-    /// The usual parameters of surfaces as solids need them: more steps, since eigenfunctions of the same number bend more, and entries cut off where they are
-    /// smaller. Parameters that somebody chose are left alone.
+    /// The usual parameters of surfaces as solids need them: more steps, since eigenfunctions of the same number bend
+    /// more, and entries cut off where they are smaller. Parameters that somebody chose are left alone.
     pub fn in_solid(self) -> Self {
         let (usual, accurate) = (Self::default(), Self::accurate());
         let few = |parameters: Self| parameters.for_few_vertices() == Some(self);
@@ -43,10 +47,12 @@ impl HeatParameters {
     }
 }
 
-/// Smooths `columns` (`n × d`, rows sum to 1) by heat steps of the Laplacian of a solid and returns the final `n × d` matrix: rows sum to 1, and may have negative
-/// entries. `problem` is on unit volume, its `area` the square of the length that this makes 1; `connectivity` holds the edges.
+/// Smooths `columns` (`n × d`, rows sum to 1) by heat steps of the Laplacian of a solid and returns the final `n × d`
+/// matrix: rows sum to 1, and may have negative entries. `problem` is on unit volume, its `area` the square of the
+/// length that this makes 1; `connectivity` holds the edges.
 ///
-/// `parameters` are taken as they are; `drop` and `threshold` together are the size of an entry that stays. The result does not depend on the number of threads.
+/// `parameters` are taken as they are; `drop` and `threshold` together are the size of an entry that stays. The result
+/// does not depend on the number of threads.
 ///
 /// # Errors
 /// [`HeatError`] names what is wrong with the parameters or the inputs, or says that the monitor cancelled.
@@ -101,8 +107,9 @@ fn shares(level: &Level) -> Vec<f32> {
     stiffness.into_par_iter().map(|s| if s > STIFF * median { STIFF * median / s } else { 1.0 }).collect()
 }
 
-/// Drops entries smaller than `least` times the share of their row, and normalises rows. What an entry of less loses by shrinking smoothly is more than what it loses by being cut
-/// off: beside flat tetrahedra a relation between values holds for sums, and for no other function of them.
+/// Drops entries smaller than `least` times the share of their row, and normalises rows. What an entry of less loses by
+/// shrinking smoothly is more than what it loses by being cut off: beside flat tetrahedra a relation between values
+/// holds for sums, and for no other function of them.
 fn cut(spread: &SparseMatrix<f32>, least: f32, shares: &[f32]) -> SparseMatrix<f32> {
     SparseMatrix::from_rows(spread.rows(), spread.columns(), Default::default, |(indices, values), row, entries| {
         let (indices, values): (&mut Vec<u32>, &mut Vec<f32>) = (indices, values);

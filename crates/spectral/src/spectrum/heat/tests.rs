@@ -124,7 +124,8 @@ fn heat_steps_agree_with_a_dense_solve() {
     }
 }
 
-/// The lowest `count` eigenvalues of the mesh itself. Those of the sphere differ by up to .6 % at 10,000 vertices, more than what is tested.
+/// The lowest `count` eigenvalues of the mesh itself. Those of the sphere differ by up to .6 % at 10,000 vertices, more
+/// than what is tested.
 fn exact(start: &Start, count: usize) -> Vec<f64> {
     let parameters = HsimParameters { wanted: Wanted::Count(count), tolerance: 1e-4, ..Default::default() };
     let pairs = hsim::solve(&start.mesh, &start.problem, &parameters, false, &Unwatched).unwrap();

@@ -1,4 +1,5 @@
-//! One part of the spectrum: gradients of hat functions, or co-gradients of Crouzeix–Raviart functions, and how well they solve the problem of fields.
+//! One part of the spectrum: gradients of hat functions, or co-gradients of Crouzeix–Raviart functions, and how well
+//! they solve the problem of fields.
 
 use chladni_algebra::MassMatrix;
 use chladni_mesh::TriangleMesh;
@@ -16,7 +17,8 @@ pub(super) struct Part<'a> {
 }
 
 impl Part<'_> {
-    /// The gradient of a function on a face, or that turned by 90°, times the area of the face, on unit area: `A ∇λ = J e / 2` and `A J ∇ψ = e`.
+    /// The gradient of a function on a face, or that turned by 90°, times the area of the face, on unit area:
+    /// `A ∇λ = J e / 2` and `A J ∇ψ = e`.
     pub fn gradient(&self, values: &[f64], face: usize) -> [f64; 2] {
         let (mesh, dual, frames) = self.surface;
         let functions = match self.kind {
@@ -35,7 +37,8 @@ impl Part<'_> {
         sum
     }
 
-    /// `‖S x − θ M x‖ / ‖S x‖` of the field of a function: with `S = M_F G M⁻¹ Gᵀ M_F` on gradients both are norms of `M_F G` times functions.
+    /// `‖S x − θ M x‖ / ‖S x‖` of the field of a function: with `S = M_F G M⁻¹ Gᵀ M_F` on gradients both are norms of
+    /// `M_F G` times functions.
     pub fn residual(&self, u: &[f64], value: f64) -> f64 {
         let problem = &self.scalar.problem;
         let MassMatrix::Diagonal(masses) = &problem.mass else { return f64::INFINITY };

@@ -1,8 +1,9 @@
 //! Eigenfields on tiny triangles.
 //!
-//! A gradient on a needle is a difference of nearly equal numbers over a height of next to nothing: of functions in double precision it keeps few digits
-//! there, which weigh nothing in the field and everything in its residual. As a field it has all of them: one inverse iteration with the matrix of the
-//! fields, whose factor errs by rounding entry by entry, finds them.
+//! A gradient on a needle is a difference of nearly equal numbers over a height of next to nothing: of functions in
+//! double precision it keeps few digits there, which weigh nothing in the field and everything in its residual. As a
+//! field it has all of them: one inverse iteration with the matrix of the fields, whose factor errs by rounding entry
+//! by entry, finds them.
 
 use chladni_algebra::{
     ColumnSums, FactorError, MassMatrix, Ordering, PanelMatrix, SparseMatrix, SymbolicFactor, apply_mass,
@@ -24,7 +25,8 @@ const MOST_FACES: usize = 100_000;
 /// The matrix of the fields, as it is assembled and in the order of its factor, in bytes a face.
 const BYTES_PER_FACE: u64 = 1_700;
 
-/// The memory that fields of so many faces take to settle, in bytes, beside a factor: that is made where what the work was promised has room for it.
+/// The memory that fields of so many faces take to settle, in bytes, beside a factor: that is made where what the work
+/// was promised has room for it.
 pub fn settle_bytes(faces: u64) -> u64 {
     if faces > MOST_FACES as u64 { 0 } else { BYTES_PER_FACE * faces }
 }
@@ -32,8 +34,8 @@ pub fn settle_bytes(faces: u64) -> u64 {
 /// Solves: one leaves of what is not in a field's eigenspace about what its shift is away, which on needles is nothing.
 const SOLVES: usize = 2;
 
-/// Where the surface is small enough, takes residuals of the fields as they are, and improves those that are above `tolerance` and the harmonic fields.
-/// Fields that it does not improve stay as they are.
+/// Where the surface is small enough, takes residuals of the fields as they are, and improves those that are above
+/// `tolerance` and the harmonic fields. Fields that it does not improve stay as they are.
 ///
 /// # Errors
 /// [`HsimError::Cancelled`]. A matrix that cannot be factored leaves everything as it is.
@@ -88,7 +90,8 @@ pub(super) fn settle(
     Ok(())
 }
 
-/// Inverse iterations from some columns; nothing where the matrix cannot be factored, or takes more memory than was promised.
+/// Inverse iterations from some columns; nothing where the matrix cannot be factored, or takes more memory than was
+/// promised.
 fn solved(
     (stiffness, mass): (&SparseMatrix, &MassMatrix),
     shift: f64,

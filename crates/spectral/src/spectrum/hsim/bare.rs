@@ -1,9 +1,9 @@
 //! HSIM on a pencil of which nothing is known but its matrices: no mesh, no positions, no sign.
 //!
-//! Residuals (4.6) are relative to `‖S x‖`, which tells nothing where an eigenvalue is next to zero. Constants are known to be in the kernel of a
-//! Laplacian, and are kept out of the iteration. What else lies next to zero, or below, is moved: the pencil `S + cM` has the same vectors, and its
-//! eigenvalues are positive. With `c` about the distance of the lowest eigenvalue from the next, residuals are those of a Laplacian with the
-//! constants taken out.
+//! Residuals (4.6) are relative to `‖S x‖`, which tells nothing where an eigenvalue is next to zero. Constants are
+//! known to be in the kernel of a Laplacian, and are kept out of the iteration. What else lies next to zero, or below,
+//! is moved: the pencil `S + cM` has the same vectors, and its eigenvalues are positive. With `c` about the distance of
+//! the lowest eigenvalue from the next, residuals are those of a Laplacian with the constants taken out.
 
 use chladni_algebra::{MassMatrix, Ordering, PanelMatrix, SparseMatrix, SymbolicFactor, fill_reducing_order};
 use chladni_base::Monitor;
@@ -37,7 +37,8 @@ pub(in crate::spectrum) struct Bare {
     pub moved: f64,
 }
 
-/// Computes the lowest eigenpairs of a pencil whose rows are all unknowns, in its own units; `area` has to be 1. Stages as [`solve`](super::solve).
+/// Computes the lowest eigenpairs of a pencil whose rows are all unknowns, in its own units; `area` has to be 1. Stages
+/// as [`solve`](super::solve).
 ///
 /// # Errors
 /// [`HsimError`], as [`solve`](super::solve).
@@ -197,8 +198,8 @@ impl Bench<'_> {
         }
     }
 
-    /// The multiple of the mass that has to be added for residuals to tell something: nothing for a Laplacian with its constants, or where the lowest
-    /// eigenvalue is as far from zero as from the others.
+    /// The multiple of the mass that has to be added for residuals to tell something: nothing for a Laplacian with its
+    /// constants, or where the lowest eigenvalue is as far from zero as from the others.
     fn distance(&self, finest: &Finest, begun: &Begun, wanted: usize) -> f64 {
         let values = &begun.values;
         let (Some(&first), Some(&last)) = (values.first(), values.get(wanted.min(values.len()).saturating_sub(1)))
@@ -254,8 +255,9 @@ impl Bench<'_> {
     }
 }
 
-/// The largest of `‖|S| |x|‖ / ‖M x‖` of some of the wanted columns: products with them are rounded by units of that, which is far less than the largest
-/// eigenvalue where rows of large entries, such as penalties on fixed unknowns, are next to zero in all of them.
+/// The largest of `‖|S| |x|‖ / ‖M x‖` of some of the wanted columns: products with them are rounded by units of that,
+/// which is far less than the largest eigenvalue where rows of large entries, such as penalties on fixed unknowns, are
+/// next to zero in all of them.
 fn largest_terms(level: &Level, vectors: &PanelMatrix, wanted: usize) -> f64 {
     let wanted = wanted.min(vectors.columns());
     let norm = |values: &mut dyn Iterator<Item = f64>| values.map(|value| value * value).sum::<f64>().sqrt();
@@ -283,8 +285,8 @@ fn known(level: &Level) -> usize {
     level.component.iter().filter(|&&component| component != NO_KERNEL).max().map_or(0, |&most| most as usize + 1)
 }
 
-/// The problem in a fill-reducing order, and the components on which constants are in its kernel. Those are told by row sums; with a mass that is not
-/// diagonal they are left to the iteration, since it may couple components.
+/// The problem in a fill-reducing order, and the components on which constants are in its kernel. Those are told by row
+/// sums; with a mass that is not diagonal they are left to the iteration, since it may couple components.
 pub(super) fn in_order(problem: &EigenProblem, wanted: Wanted, monitor: &dyn Monitor) -> Result<Finest, HsimError> {
     let n = problem.size();
     let columns = match wanted {

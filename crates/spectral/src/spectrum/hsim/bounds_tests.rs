@@ -33,7 +33,8 @@ fn pairs_of_an_interval_come_with_the_index_of_the_first() {
         let parameters = HsimParameters { wanted, tolerance: 1e-6, ..HsimParameters::default() };
         solve(&mesh, &problem, &parameters, false, &Unwatched)
     };
-    // Below the kernel, behind it, in the middle, and where nothing is; the gaps are those of the pairs of equal copies.
+    // Below the kernel, behind it, in the middle, and where nothing is; the gaps are those of the pairs of equal
+    // copies.
     for (first, last) in [(0, 20), (2, 20), (60, 102), (40, 40)] {
         let from = if first == 0 { -1.0 } else { middle(first) };
         let to = if first == last { from + 0.1 * (truth[last] - from) } else { middle(last) };

@@ -6,8 +6,8 @@ use super::{Eigenpairs, HsimError, Wanted};
 use crate::basis::{Certificate, Interval, completeness};
 
 impl Eigenpairs {
-    /// Takes what is known of the pairs out of them: residuals, bounds, counts and levels. `wanted` and `tolerance` are what the pairs were asked for
-    /// by, in the units of the values.
+    /// Takes what is known of the pairs out of them: residuals, bounds, counts and levels. `wanted` and `tolerance` are
+    /// what the pairs were asked for by, in the units of the values.
     ///
     /// # Errors
     /// [`HsimError::Unproven`] where the counts do not cover the pairs.

@@ -47,7 +47,8 @@ pub(super) fn complete(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan, s
     let (mut guards, mut sharp) = (0, false);
     loop {
         match converge(iteration, &plan) {
-            // What belongs to the cluster of the last wanted pair does not converge, or not as far as the columns reach.
+            // What belongs to the cluster of the last wanted pair does not converge, or not as far as the columns
+            // reach.
             Err(error @ HsimError::NotConverged { .. }) if plan.wanted > asked && matches!(goal, Goal::Count(_)) => {
                 plan = Plan { wanted: asked, most_passes: iteration.passes + TUNING.iteration.most_passes, ..plan };
                 converge(iteration, &plan)?;
@@ -67,7 +68,8 @@ pub(super) fn complete(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan, s
                 let counted = count.below - iteration.kernel_below(shift);
                 let sharper = counted <= guards;
                 if (!sharper || !sharp) && counted <= iteration.values.len() {
-                    // As many columns are there. Those that nobody waited for may be what is missing; then, those whose values are too large still.
+                    // As many columns are there. Those that nobody waited for may be what is missing; then, those whose
+                    // values are too large still.
                     (guards, sharp) = (counted.max(guards), sharper);
                     let tolerance = if sharper { TUNING.proof.sharp.min(plan.tolerance) } else { plan.tolerance };
                     let most_passes = iteration.passes + TUNING.proof.guard_passes;
@@ -164,9 +166,9 @@ fn converge(iteration: &mut Iteration<'_>, plan: &Plan) -> Result<(), HsimError>
     iteration.require(plan)
 }
 
-/// Counts below the cluster of the last wanted pair: with as many eigenvalues there as values were found, whatever is missing below a shift above
-/// the cluster belongs to it, and may be as good as endless, as on a star. `None` where more lie below, or the last pair belongs to no
-/// cluster so narrow that it could be taken for one value.
+/// Counts below the cluster of the last wanted pair: with as many eigenvalues there as values were found, whatever is
+/// missing below a shift above the cluster belongs to it, and may be as good as endless, as on a star. `None` where
+/// more lie below, or the last pair belongs to no cluster so narrow that it could be taken for one value.
 fn below_cluster(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan) -> Result<Option<Count>, HsimError> {
     let Goal::Count(wanted) = goal else { return Ok(None) };
     // Values that are still too large lie inside the cluster, or above it.
@@ -193,12 +195,13 @@ fn count_above(iteration: &mut Iteration<'_>) -> Result<Count, HsimError> {
     iteration.count(top + ABOVE * top.abs() + 1e-9 * iteration.spread)
 }
 
-/// What belongs to a cluster lies this far apart at most, relative to its value; the narrower, the better its members are enclosed.
+/// What belongs to a cluster lies this far apart at most, relative to its value; the narrower, the better its members
+/// are enclosed.
 const WIDTHS: [f64; 2] = [1e-6, 1e-4];
 
-/// Shifts above the lowest `least` values and above `floor`, each with the number of values below it, the best first: in wide gaps, nearer to their
-/// lower ends since values that are still being iterated on are too large. `size` is the number of all pairs there are, `spread` at
-/// least about the largest eigenvalue.
+/// Shifts above the lowest `least` values and above `floor`, each with the number of values below it, the best first:
+/// in wide gaps, nearer to their lower ends since values that are still being iterated on are too large. `size` is the
+/// number of all pairs there are, `spread` at least about the largest eigenvalue.
 pub(super) fn places(values: &[f64], least: usize, floor: f64, size: usize, spread: f64) -> Vec<(f64, usize)> {
     let last = values.len();
     let low = |at: usize| if at == 0 { floor } else { values[at - 1].max(floor) };
@@ -217,7 +220,8 @@ pub(super) fn places(values: &[f64], least: usize, floor: f64, size: usize, spre
     gaps.sort_by(|&a, &b| (Some(b) == first).cmp(&(Some(a) == first)).then(relative(b).total_cmp(&relative(a))));
     gaps.truncate(GAPS);
     let mut places = Vec::new();
-    // Nearer to the lower end; then anywhere, since what a factor is uncertain by changes from shift to shift by far more than its least.
+    // Nearer to the lower end; then anywhere, since what a factor is uncertain by changes from shift to shift by far
+    // more than its least.
     for share in [0.4, 0.15, 0.7, 0.55, 0.3] {
         places.extend(gaps.iter().map(|&at| match low(at) {
             f64::NEG_INFINITY => (values[at] - values[at].abs().max(1e-9 * spread), at),
@@ -246,8 +250,8 @@ const NO_GAP: f64 = 1e-7;
 /// How far above a cluster its members are counted, relative to it.
 const ABOVE: f64 = 1e-3;
 
-/// Looks for eigenvectors below `shift` that the columns do not contain, starting from random vectors where counts and values first disagree. Gives
-/// how many columns that added.
+/// Looks for eigenvectors below `shift` that the columns do not contain, starting from random vectors where counts and
+/// values first disagree. Gives how many columns that added.
 fn search(iteration: &mut Iteration<'_>, shift: f64, seed: u64) -> Result<usize, HsimError> {
     let (level, monitor) = (iteration.level, iteration.monitor);
     let room = level.size().saturating_sub(iteration.kernel.dimension() + iteration.values.len());

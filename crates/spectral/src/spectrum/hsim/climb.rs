@@ -1,4 +1,5 @@
-//! From a mesh and an operator to certified eigenpairs: what is known beforehand, which start that calls for, and the start itself.
+//! From a mesh and an operator to certified eigenpairs: what is known beforehand, which start that calls for, and the
+//! start itself.
 
 use chladni_algebra::{PanelMatrix, SparseMatrix, prolong};
 use chladni_base::Monitor;
@@ -21,9 +22,9 @@ use crate::spectrum::envelope::on_all_vertices;
 
 /// Computes the lowest eigenpairs of an operator on a mesh, and proves by inertia that none is missing.
 ///
-/// `keep_space` asks for the finest nested space beside the pairs, for compact storage. Stages: `hierarchy`, `iterate`, `certify`, and
-/// `repair` where something was missing. The same input and seed give the same answer, up to rounding in the dense eigenproblems
-/// where the number of threads differs.
+/// `keep_space` asks for the finest nested space beside the pairs, for compact storage. Stages: `hierarchy`, `iterate`,
+/// `certify`, and `repair` where something was missing. The same input and seed give the same answer, up to rounding in
+/// the dense eigenproblems where the number of threads differs.
 ///
 /// # Errors
 /// [`HsimError`]: parameters out of range, pairs that do not converge or stay missing, cancellation.
@@ -37,8 +38,8 @@ pub fn solve(
     Climb::new(mesh, problem, parameters, Given::Nothing, keep_space, monitor)?.solve()
 }
 
-/// The same with a given finest nested space, `n × d` with a row for each unknown, which is kept beside the pairs; the published
-/// variant and the baselines make no use of it.
+/// The same with a given finest nested space, `n × d` with a row for each unknown, which is kept beside the pairs; the
+/// published variant and the baselines make no use of it.
 ///
 /// # Errors
 /// As for [`solve`], and a space with the wrong number of rows.
@@ -71,9 +72,9 @@ pub fn columns(size: usize, count: usize) -> usize {
     hierarchy::columns(count, size)
 }
 
-/// Iterates from given Ritz pairs on the unknowns: `M`-orthonormal columns with their values, ascending. Nothing is taken for a kernel. Meant for
-/// operators whose unknowns are no values at vertices, so that no hierarchy can be built on them; the variant must be ours and the pairs be
-/// wanted by number.
+/// Iterates from given Ritz pairs on the unknowns: `M`-orthonormal columns with their values, ascending. Nothing is
+/// taken for a kernel. Meant for operators whose unknowns are no values at vertices, so that no hierarchy can be built
+/// on them; the variant must be ours and the pairs be wanted by number.
 ///
 /// # Errors
 /// As for [`solve`], and a start that does not fit.
@@ -250,7 +251,8 @@ impl<'a> Climb<'a> {
         bound * self.problem.area - self.offset
     }
 
-    /// Pairs to converge, those of the kernel left out. One above it tells where it ends; where a potential acts on other components, all may lie below it.
+    /// Pairs to converge, those of the kernel left out. One above it tells where it ends; where a potential acts on
+    /// other components, all may lie below it.
     pub fn nontrivial(&self, wanted: usize) -> usize {
         let mixed = self.base.component.contains(&NO_KERNEL);
         wanted.saturating_sub(if mixed { 0 } else { self.known }).max(1).min(self.base.size() - self.known)
@@ -265,8 +267,8 @@ impl<'a> Climb<'a> {
         self.parameters.variant == Variant::Sliced
     }
 
-    /// The mesh in the order in which it is factored, and the levels above it. Without a bound the number of columns is known, and levels need no factor of the
-    /// mesh.
+    /// The mesh in the order in which it is factored, and the levels above it. Without a bound the number of columns is
+    /// known, and levels need no factor of the mesh.
     fn finest(&self) -> Result<(Finest, Above), HsimError> {
         let n = self.base.size();
         let Wanted::Count(count) = self.parameters.wanted else {
@@ -371,7 +373,8 @@ impl<'a> Climb<'a> {
         Ok(Beginning { values: start.values, vectors: start.vectors, plain, reports: start.reports, space })
     }
 
-    /// The finest nested space with a row for each vertex, where it is to be kept: that of the caller, or the one that was made, or all functions there are.
+    /// The finest nested space with a row for each vertex, where it is to be kept: that of the caller, or the one that
+    /// was made, or all functions there are.
     fn kept_space(&self, made: Option<SparseMatrix<f32>>) -> Option<SparseMatrix<f32>> {
         if !self.keep_space {
             return None;
@@ -384,7 +387,8 @@ impl<'a> Climb<'a> {
     }
 }
 
-/// The problem as a level, rows in their own order; and what was taken off its eigenvalues, which is nothing where that is not wanted.
+/// The problem as a level, rows in their own order; and what was taken off its eigenvalues, which is nothing where that
+/// is not wanted.
 fn base_level(mesh: &TriangleMesh, problem: &EigenProblem, shiftable: bool) -> Result<(Level, f64), HsimError> {
     let n = problem.size();
     let vertices = problem.unknowns.as_ref().map_or(mesh.positions.len(), Vec::len);

@@ -24,7 +24,8 @@ const NARROW_SHARE: f64 = 1.0 / 16.0;
 /// A cluster has what lies within so many times its width, from its upper end on.
 const AROUND: f64 = 4.0;
 
-/// An interval narrower than this, relative to its distance from zero, is one place: a shift next to it serves all of it.
+/// An interval narrower than this, relative to its distance from zero, is one place: a shift next to it serves all of
+/// it.
 const POINT: f64 = 1e-6;
 
 /// The same of an interval with one eigenvalue: the next ones need not be known from a place next to it.
@@ -64,8 +65,9 @@ impl Interval {
 }
 
 impl Scout<'_> {
-    /// Cuts a part that begins at the lowest eigenvalue, ascending. What lies in one part is spread over it, or most of it is, as seen from its
-    /// upper end, next to which all the others lie; but for clusters that are narrower than numbers tell.
+    /// Cuts a part that begins at the lowest eigenvalue, ascending. What lies in one part is spread over it, or most of
+    /// it is, as seen from its upper end, next to which all the others lie; but for clusters that are narrower than
+    /// numbers tell.
     pub fn cut(&mut self, whole: Part, monitor: &dyn Monitor) -> Result<Vec<Part>, HsimError> {
         if !(self.spread() > 0.0 && whole.high > whole.low) {
             return Ok(vec![whole]);

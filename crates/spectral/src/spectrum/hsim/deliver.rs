@@ -46,9 +46,9 @@ pub(super) fn nothing(mesh: &TriangleMesh, problem: &EigenProblem, n: usize, cou
     }
 }
 
-/// Orders and judges what was found below the shift of a count, or of a cut cluster as many as are wanted, and scales it. Where the judgement is
-/// against them, the iteration is left with its columns below the shift; so it is where it has to go on to tell on which side of the bound a pair
-/// lies, which `None` says.
+/// Orders and judges what was found below the shift of a count, or of a cut cluster as many as are wanted, and scales
+/// it. Where the judgement is against them, the iteration is left with its columns below the shift; so it is where it
+/// has to go on to tell on which side of the bound a pair lies, which `None` says.
 ///
 /// # Errors
 /// Those of the judgement: see [`certify`].
@@ -64,7 +64,8 @@ pub(super) fn finish(
     delivered(iteration, proof, delivery, verdict, wanted).map(Some)
 }
 
-/// Keeps the columns that were counted, those of the kernel left out, as orthonormal Ritz vectors. `known` is the part of the kernel below the shift.
+/// Keeps the columns that were counted, those of the kernel left out, as orthonormal Ritz vectors. `known` is the part
+/// of the kernel below the shift.
 fn keep_counted(
     iteration: &mut Iteration<'_>,
     proof: Proof,
@@ -94,8 +95,8 @@ fn polish_wanted(iteration: &mut Iteration<'_>, delivery: &Delivery<'_>, known: 
     iteration.polish(open, delivery.tolerance)
 }
 
-/// What is proven of the columns, the kernel among them, and how many of them are wanted; nothing where it is open on which side of the bound a pair
-/// lies. Columns that are refused for what they are get one more Rayleigh–Ritz.
+/// What is proven of the columns, the kernel among them, and how many of them are wanted; nothing where it is open on
+/// which side of the bound a pair lies. Columns that are refused for what they are get one more Rayleigh–Ritz.
 fn judged(
     iteration: &mut Iteration<'_>,
     proof: Proof,
@@ -198,8 +199,8 @@ fn delivered(
     })
 }
 
-/// Counts the eigenvalues below the first delivered pair, where there is a gap to count in: with the count above the last one, two that say how many
-/// there are between. Each pair is enclosed with its index whether or not there is.
+/// Counts the eigenvalues below the first delivered pair, where there is a gap to count in: with the count above the
+/// last one, two that say how many there are between. Each pair is enclosed with its index whether or not there is.
 fn count_below(iteration: &mut Iteration<'_>, first: usize) -> Result<(), HsimError> {
     let values = &iteration.values;
     if let (Some(&low), Some(&high)) = (first.checked_sub(1).and_then(|k| values.get(k)), values.get(first))
@@ -254,8 +255,8 @@ fn cut(values: &[f64], enclosures: &[f64], wanted: usize) -> Option<CutCluster> 
 /// Neighbours that are farther apart, relative to their values, are no cluster however wide their enclosures are.
 const CLUSTER: f64 = 1e-3;
 
-/// Whether some pair above the bound may belong below it, and would tell if it were iterated on. Those whose values lie below it do so: Ritz values
-/// are no less than eigenvalues.
+/// Whether some pair above the bound may belong below it, and would tell if it were iterated on. Those whose values lie
+/// below it do so: Ritz values are no less than eigenvalues.
 fn is_open(goal: Goal, values: &[f64], verdict: &Verdict) -> bool {
     let Goal::Below(bound) = goal else { return false };
     let pairs = values.iter().zip(&verdict.bounds).zip(&verdict.errors);

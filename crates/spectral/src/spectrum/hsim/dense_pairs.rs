@@ -1,4 +1,5 @@
-//! Dense solves of a level, block by block: rows that are coupled by neither matrix, those of copies and of pieces, are problems of their own.
+//! Dense solves of a level, block by block: rows that are coupled by neither matrix, those of copies and of pieces, are
+//! problems of their own.
 
 use chladni_algebra::{DenseMatrix, MassMatrix, PANEL_WIDTH, PanelMatrix, SparseMatrix};
 use chladni_base::Monitor;
@@ -99,14 +100,16 @@ impl Level {
 /// The bytes that such a solve takes for each entry of its largest block: ten matrices were measured.
 const REPAIR_BYTES: u64 = 80;
 
-/// The memory that the dense solve takes at most, in bytes, that what an iteration on so many rows did not settle is left to.
+/// The memory that the dense solve takes at most, in bytes, that what an iteration on so many rows did not settle is
+/// left to.
 pub fn repair_bytes(rows: u64) -> u64 {
     let repaired = if rows <= TUNING.dense.repaired_in_all as u64 { rows.min(TUNING.dense.repaired as u64) } else { 0 };
     REPAIR_BYTES * repaired * repaired
 }
 
-/// The pairs beside the kernel that a dense solve gives where an iteration from `columns` columns failed, as [`dense_pairs`]: all there are, or as
-/// many as the largest problem of one block that is repaired has rows. `None` where that would take too long.
+/// The pairs beside the kernel that a dense solve gives where an iteration from `columns` columns failed, as
+/// [`dense_pairs`]: all there are, or as many as the largest problem of one block that is repaired has rows. `None`
+/// where that would take too long.
 pub(super) fn instead(
     level: &Level,
     columns: usize,

@@ -16,9 +16,9 @@ const SETTLED: f64 = 0.3;
 const BY_LUCK: f64 = 0.25;
 
 impl Iteration<'_> {
-    /// Refuses a tolerance that double precision does not allow, before anything is iterated: each number of a column is rounded when it is stored,
-    /// which alone leaves a residual of about `u ‖(Σ_i S_ij²)^{1/2} x_j‖`. The lowest columns, of which the start holds good estimates, tell: with
-    /// their values it is largest.
+    /// Refuses a tolerance that double precision does not allow, before anything is iterated: each number of a column
+    /// is rounded when it is stored, which alone leaves a residual of about `u ‖(Σ_i S_ij²)^{1/2} x_j‖`. The lowest
+    /// columns, of which the start holds good estimates, tell: with their values it is largest.
     ///
     /// # Errors
     /// [`HsimError::Floor`].
@@ -58,7 +58,8 @@ impl Iteration<'_> {
         if floor > tolerance { Err(HsimError::Floor { tolerance, floor }) } else { Ok(()) }
     }
 
-    /// The value of a column with what was taken off, where that is on its side of zero, or farther from there; itself where there is none.
+    /// The value of a column with what was taken off, where that is on its side of zero, or farther from there; itself
+    /// where there is none.
     fn whole(&self, column: usize) -> f64 {
         let value = self.values[column];
         if self.offset * value > 0.0 || self.offset < 0.0 { value + self.offset } else { value }
@@ -72,7 +73,8 @@ impl Iteration<'_> {
         let failed = self.unconverged(plan);
         let floors = self.floors(&failed)?;
         let as_close_as_it_gets = |floor: f64, column: usize| self.residual(column) <= ABOVE_FLOOR * floor;
-        // Of a value that is as good as zero no residual can be asked; and where something large was taken off, the tolerance is one of the whole.
+        // Of a value that is as good as zero no residual can be asked; and where something large was taken off, the
+        // tolerance is one of the whole.
         let of_the_whole = |column: usize| {
             let [value, whole] = [self.values[column], self.whole(column)].map(f64::abs);
             self.offset != 0.0 && self.residual(column) * value <= plan.tolerance * whole

@@ -1,5 +1,5 @@
-//! Pencils whose eigenvalues spread over many orders of magnitude, as needles and hairs make them: a dense eigenproblem is solved to within rounding
-//! of its largest eigenvalue, in which the low ones get lost.
+//! Pencils whose eigenvalues spread over many orders of magnitude, as needles and hairs make them: a dense eigenproblem
+//! is solved to within rounding of its largest eigenvalue, in which the low ones get lost.
 
 use chladni_algebra::{DenseMatrix, PanelMatrix, SymmetricDefiniteSolver, gpu, restrict, rotate};
 use chladni_base::{Monitor, Quiet};
@@ -22,8 +22,8 @@ fn cut(values: &[f64]) -> Option<usize> {
     (last > 0.0 && cut > 0 && cut < values.len()).then_some(cut)
 }
 
-/// Makes Ritz pairs, ascending by value, as exact as the pencil allows: those that are small beside the highest ones are Ritz pairs of their own span
-/// anew, and so on down. Columns stay orthonormal.
+/// Makes Ritz pairs, ascending by value, as exact as the pencil allows: those that are small beside the highest ones
+/// are Ritz pairs of their own span anew, and so on down. Columns stay orthonormal.
 pub(super) fn sharpen(
     level: &Level,
     vectors: &mut PanelMatrix,
@@ -47,9 +47,9 @@ pub(super) fn sharpen(
     Ok(())
 }
 
-/// The lowest `count` pairs of `(stiffness, mass)`, both dense, by the largest eigenvalues of the inverse: `M x = ν (S + σM) x`, from which the
-/// `kernel` of constants on components is taken. `None` where the pencil is not wide, or `S + σM` not definite. `ratios` are the row sums of `|S|`
-/// over the mass.
+/// The lowest `count` pairs of `(stiffness, mass)`, both dense, by the largest eigenvalues of the inverse:
+/// `M x = ν (S + σM) x`, from which the `kernel` of constants on components is taken. `None` where the pencil is not
+/// wide, or `S + σM` not definite. `ratios` are the row sums of `|S|` over the mass.
 pub(super) fn by_inverse(
     level: &Level,
     (stiffness, mass): (&DenseMatrix, &DenseMatrix),

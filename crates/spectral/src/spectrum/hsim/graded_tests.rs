@@ -6,7 +6,8 @@ use chladni_base::Unwatched;
 use super::super::dense_pairs::dense_pairs;
 use crate::spectrum::hsim::level::{Level, NO_KERNEL};
 
-/// A path of `n` rows, whose eigenvalues are known, and one more row that a spring of this strength ties to the first, with next to no mass.
+/// A path of `n` rows, whose eigenvalues are known, and one more row that a spring of this strength ties to the first,
+/// with next to no mass.
 fn tied(n: usize, strength: f64, mass: f64) -> (Level, Vec<f64>) {
     let mut entries = vec![vec![0.0; n + 1]; n + 1];
     for k in 0..n {
@@ -41,7 +42,8 @@ fn low_values_keep_their_digits_beside_high_ones() {
         for count in [5, 30, 31] {
             let (values, vectors) = dense_pairs(&level, count, &Unwatched).unwrap();
             assert_eq!((values.len(), vectors.columns()), (count, count));
-            // Taking the mass and the spring away moves the values by about the mass, and by what rounding of the spring does.
+            // Taking the mass and the spring away moves the values by about the mass, and by what rounding of the
+            // spring does.
             let allowed = mass + 1e-15 * strength + 1e-12;
             for (k, (value, exact)) in values.iter().zip(&exact).enumerate() {
                 assert!((value - exact).abs() <= 10.0 * allowed, "{strength:e}: {k} of {count}: {value}, not {exact}");

@@ -29,9 +29,9 @@ pub(super) fn columns(wanted: usize, size: usize) -> usize {
     (wanted + guards).next_multiple_of(chladni_algebra::PANEL_WIDTH).min(size)
 }
 
-/// The sizes of the levels above the mesh, the coarsest first, chosen by measurement: the coarsest is as large as a dense
-/// problem may be without being felt, the middle one so large that one step on the mesh suffices for most columns.
-/// None where the mesh itself is small enough to be solved densely.
+/// The sizes of the levels above the mesh, the coarsest first, chosen by measurement: the coarsest is as large as a
+/// dense problem may be without being felt, the middle one so large that one step on the mesh suffices for most
+/// columns. None where the mesh itself is small enough to be solved densely.
 pub(super) fn sizes(n: usize, q: usize, levels: Option<usize>) -> Vec<usize> {
     let coarsest = (4 * q).clamp(400, 1000).max(q + q.min(1000) * 4 / 5);
     let middle = (1500 + 10 * q).max(2000);
@@ -50,7 +50,8 @@ pub(super) fn sizes(n: usize, q: usize, levels: Option<usize>) -> Vec<usize> {
     }
 }
 
-/// Solves on the levels above the mesh; `sizes` are theirs, the coarsest first and at least one. The finest may be `given`.
+/// Solves on the levels above the mesh; `sizes` are theirs, the coarsest first and at least one. The finest may be
+/// `given`.
 pub(super) fn start(
     fine: &Level,
     sizes: &[usize],

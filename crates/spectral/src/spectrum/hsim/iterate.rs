@@ -1,12 +1,13 @@
 //! Iterating a block of columns toward the lowest eigenvectors of one level.
 //!
-//! The first steps replace every column by its solve with the shifted matrix. A solve with the shift μ damps the part of a column that belongs
-//! to the eigenvalue λ by |θ − μ| / |λ − μ|, so a shift near its Ritz value θ leaves next to nothing of what is outside the subspace; what is
-//! inside, one Rayleigh–Ritz over all columns separates. Every group of columns therefore has its own shift, guards are needed
-//! at the upper end only, and no group has to be made orthogonal to another.
+//! The first steps replace every column by its solve with the shifted matrix. A solve with the shift μ damps the part
+//! of a column that belongs to the eigenvalue λ by |θ − μ| / |λ − μ|, so a shift near its Ritz value θ leaves next to
+//! nothing of what is outside the subspace; what is inside, one Rayleigh–Ritz over all columns separates. Every group
+//! of columns therefore has its own shift, guards are needed at the upper end only, and no group has to be made
+//! orthogonal to another.
 //!
-//! What has not converged then is refined as in Davidson's method: solves with the residuals are new directions, and a Rayleigh–Ritz over old
-//! and new ones finds what the start did not contain.
+//! What has not converged then is refined as in Davidson's method: solves with the residuals are new directions, and a
+//! Rayleigh–Ritz over old and new ones finds what the start did not contain.
 
 mod correct;
 
@@ -54,7 +55,8 @@ pub(super) struct Iteration<'a> {
     /// What is known exactly and kept out of the columns.
     pub kernel: &'a Kernel<'a>,
     pub monitor: &'a dyn Monitor,
-    /// `n × q`, `M`-orthonormal after the first step; columns are in the order of their values only after a replacing step.
+    /// `n × q`, `M`-orthonormal after the first step; columns are in the order of their values only after a replacing
+    /// step.
     pub vectors: PanelMatrix,
     /// The Ritz value of each column.
     pub values: Vec<f64>,
@@ -69,7 +71,8 @@ pub(super) struct Iteration<'a> {
     /// Rayleigh–Ritz steps so far.
     pub passes: usize,
     norm: f64,
-    /// Whether the columns are the Ritz vectors of their span, which those of a refining step are only up to its tolerance.
+    /// Whether the columns are the Ritz vectors of their span, which those of a refining step are only up to its
+    /// tolerance.
     pub ritz: bool,
     /// Where they are so segment by segment only.
     pub cuts: Option<Cuts>,
@@ -137,9 +140,9 @@ impl<'a> Iteration<'a> {
         count
     }
 
-    /// The same at exactly this shift, with pivots from the beginning, which leaves less uncertain and takes longer. Where the next value lies within
-    /// `reach` and that is not enough, and no eigenvalue is `negative`, stiff rows are told from the others. Nothing where the shift lies on an
-    /// eigenvalue.
+    /// The same at exactly this shift, with pivots from the beginning, which leaves less uncertain and takes longer.
+    /// Where the next value lies within `reach` and that is not enough, and no eigenvalue is `negative`, stiff rows are
+    /// told from the others. Nothing where the shift lies on an eigenvalue.
     pub fn count_closely(&mut self, shift: f64, reach: f64, negative: bool) -> Result<Option<Count>, HsimError> {
         let storage = self.storage();
         let (stiffness, mass) = (&self.level.stiffness, &self.level.mass);
@@ -217,7 +220,8 @@ impl<'a> Iteration<'a> {
                 }
                 least = (least.0.min(pending.len()), least.1.min(worst));
                 if stalled {
-                    // What was left out as too weak a coupling, or a shift too far away, is what keeps the rest from converging.
+                    // What was left out as too weak a coupling, or a shift too far away, is what keeps the rest from
+                    // converging.
                     self.release();
                     self.refine(&pending, tuning.strict * plan.tolerance)?;
                 } else {
@@ -229,7 +233,8 @@ impl<'a> Iteration<'a> {
         Ok(())
     }
 
-    /// The same where the columns span everything there is: solves add nothing, and would turn columns of one shift into one another.
+    /// The same where the columns span everything there is: solves add nothing, and would turn columns of one shift
+    /// into one another.
     fn run_on_all(&mut self, plan: &Plan) -> Result<(), HsimError> {
         for _ in 0..ON_ALL {
             if self.passes >= plan.most_passes || self.ritz && self.unconverged(plan).is_empty() {
@@ -276,8 +281,8 @@ impl<'a> Iteration<'a> {
         Ok(())
     }
 
-    /// One step of plain subspace iteration with a single shift: inverse iterations for the columns from `done` on, and one Rayleigh–Ritz over all.
-    /// Columns ascend by value before and after.
+    /// One step of plain subspace iteration with a single shift: inverse iterations for the columns from `done` on, and
+    /// one Rayleigh–Ritz over all. Columns ascend by value before and after.
     pub fn step(&mut self, shift: f64, done: usize, solves: usize) -> Result<(), HsimError> {
         let (level, monitor, kernel) = (self.level, self.monitor, self.kernel);
         if !self.kept.iter().any(|kept| kept.0 == shift) {
@@ -337,8 +342,8 @@ impl<'a> Iteration<'a> {
         Ok(())
     }
 
-    /// Replaces the values by the Rayleigh quotients of the columns. Those of a refining step leave out couplings that do not show in a residual, but
-    /// the bounds by Kato and Temple hold for quotients only.
+    /// Replaces the values by the Rayleigh quotients of the columns. Those of a refining step leave out couplings that
+    /// do not show in a residual, but the bounds by Kato and Temple hold for quotients only.
     pub fn take_quotients(&mut self) -> Result<(), HsimError> {
         let mut moved = false;
         for (value, sums) in self.values.iter_mut().zip(&self.sums) {
@@ -349,8 +354,8 @@ impl<'a> Iteration<'a> {
         if moved { self.measure() } else { Ok(()) }
     }
 
-    /// Takes the kernel and the block off some columns and drops those of which next to nothing is left: where the block holds all there is, that is
-    /// rounding errors, which look like vectors too.
+    /// Takes the kernel and the block off some columns and drops those of which next to nothing is left: where the
+    /// block holds all there is, that is rounding errors, which look like vectors too.
     pub fn project(&self, columns: &mut PanelMatrix) -> Result<(), HsimError> {
         let (mass, monitor) = (&self.level.mass, self.monitor);
         let before = lengths(mass, columns);
@@ -367,8 +372,8 @@ impl<'a> Iteration<'a> {
         Ok(())
     }
 
-    /// The counts below another one that can be trusted and that the values agree with, ascending; the last is that one. The kernel is among the
-    /// columns, which ascend.
+    /// The counts below another one that can be trusted and that the values agree with, ascending; the last is that
+    /// one. The kernel is among the columns, which ascend.
     pub fn counts(&self, last: Count) -> Vec<Count> {
         let values = &self.values;
         let agrees = |count: &Count| {

@@ -1,20 +1,23 @@
-//! What is proven about pairs as they are delivered: one judgement of the final columns, the kernel among them, by an inertia count.
+//! What is proven about pairs as they are delivered: one judgement of the final columns, the kernel among them, by an
+//! inertia count.
 //!
-//! With `N` eigenvalues below a shift (up to what rounding may have done to the factor) and `N` orthonormal columns whose Ritz values lie below it,
-//! the Ritz values bound the lowest `N` eigenvalues from above, each the one of its index (Cauchy), and nothing is missing. From below, Lehmann's
-//! bounds hold, index by index as well: where exactly `t` eigenvalues lie below `β`, the `j`-th is at least the `j`-th least of the eigenvalues of
-//! `Θ − D^{-1/2} RᵀM⁻¹R D^{-1/2}` with `D = β − Θ`. The positive semi-definite matrix that is taken off is at most the diagonal matrix of its
-//! weighted row sums, with any weights; those by the inverse norms of its rows leave `‖r‖² / (β − θ)` times the sum of the cosines between the
-//! residuals: the bound of Temple for each, without an assumption on gaps. `β` is the shift for all pairs, and then the lower bound of pair `t + 1`
-//! for the first `t`.
+//! With `N` eigenvalues below a shift (up to what rounding may have done to the factor) and `N` orthonormal columns
+//! whose Ritz values lie below it, the Ritz values bound the lowest `N` eigenvalues from above, each the one of its
+//! index (Cauchy), and nothing is missing. From below, Lehmann's bounds hold, index by index as well: where exactly `t`
+//! eigenvalues lie below `β`, the `j`-th is at least the `j`-th least of the eigenvalues of
+//! `Θ − D^{-1/2} RᵀM⁻¹R D^{-1/2}` with `D = β − Θ`. The positive semi-definite matrix that is taken off is at most the
+//! diagonal matrix of its weighted row sums, with any weights; those by the inverse norms of its rows leave
+//! `‖r‖² / (β − θ)` times the sum of the cosines between the residuals: the bound of Temple for each, without an
+//! assumption on gaps. `β` is the shift for all pairs, and then the lower bound of pair `t + 1` for the first `t`.
 //!
-//! Of a cluster that is cut, with more members than were found, a second shift lies just below it, with `t` eigenvalues below. Those are bounded as
-//! above with that shift, and what was found of the cluster lies between the shift (whatever is the `j`-th eigenvalue, with `j > t`, is not below it)
-//! and its Ritz value.
+//! Of a cluster that is cut, with more members than were found, a second shift lies just below it, with `t` eigenvalues
+//! below. Those are bounded as above with that shift, and what was found of the cluster lies between the shift
+//! (whatever is the `j`-th eigenvalue, with `j > t`, is not below it) and its Ritz value.
 //!
-//! Of a segment between two counts, with as many columns of its own as eigenvalues, Lehmann's bounds need no column from outside (Zimmermann and
-//! Mertins 1995): above `Θ − D^{-1/2} RᵀM⁻¹R D^{-1/2}` and below `β` lie as many eigenvalues as columns, and at most so many are counted there. From
-//! above they are enclosed in the same way, with the count below.
+//! Of a segment between two counts, with as many columns of its own as eigenvalues, Lehmann's bounds need no column
+//! from outside (Zimmermann and Mertins 1995): above `Θ − D^{-1/2} RᵀM⁻¹R D^{-1/2}` and below `β` lie as many
+//! eigenvalues as columns, and at most so many are counted there. From above they are enclosed in the same way, with
+//! the count below.
 
 use chladni_algebra::{
     ColumnSums, DenseMatrix, Factor, Magnitudes, PanelMatrix, residual_gram, residual_magnitudes, residual_sums,
@@ -25,7 +28,8 @@ use chladni_base::Monitor;
 use super::HsimError;
 use super::level::Level;
 
-/// How many eigenvalues lie below a shift: at least those below `shift − radius`, at most those below `shift + radius`, whatever rounding did.
+/// How many eigenvalues lie below a shift: at least those below `shift − radius`, at most those below `shift + radius`,
+/// whatever rounding did.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Count {
     pub shift: f64,
@@ -40,7 +44,8 @@ impl Count {
         Self { shift, below: factor.eigenvalues_below(), radius }
     }
 
-    /// Whether no value lies so close to the shift that the count may have taken it for one on the other side. `values` ascend.
+    /// Whether no value lies so close to the shift that the count may have taken it for one on the other side. `values`
+    /// ascend.
     pub fn is_clear_of(&self, values: &[f64]) -> bool {
         let reach = 2.0 * self.radius;
         let inside = |value: f64| (value - self.shift).abs() <= reach;
@@ -53,8 +58,8 @@ impl Count {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Found<'a> {
     pub level: &'a Level,
-    /// All pairs below the shift of `count`, by ascending value; more than are delivered where the last of those belongs to a cluster. Where
-    /// there is a count below that cluster, those that are delivered.
+    /// All pairs below the shift of `count`, by ascending value; more than are delivered where the last of those
+    /// belongs to a cluster. Where there is a count below that cluster, those that are delivered.
     pub vectors: &'a PanelMatrix,
     /// On unit area.
     pub values: &'a [f64],
@@ -97,14 +102,15 @@ const LARGEST_COUPLING: f64 = 1e-9;
 /// Where `‖S x‖` is not larger than this times `‖S‖ ‖x‖`, it is as good as zero in double precision.
 pub(super) const NULL: f64 = 64.0 * f64::EPSILON;
 
-/// So much of `‖S x‖` may be rounding errors before the value of a pair is as good as zero: no tolerance that can be asked for is as large.
+/// So much of `‖S x‖` may be rounding errors before the value of a pair is as good as zero: no tolerance that can be
+/// asked for is as large.
 pub(super) const AS_GOOD_AS_ZERO: f64 = 0.5;
 
 /// Judges columns as they are.
 ///
 /// # Errors
-/// [`HsimError::Incomplete`] where columns and count differ, [`HsimError::NotConverged`] and [`HsimError::Unproven`] where the columns are no such
-/// pairs.
+/// [`HsimError::Incomplete`] where columns and count differ, [`HsimError::NotConverged`] and [`HsimError::Unproven`]
+/// where the columns are no such pairs.
 pub(super) fn certify(found: &Found<'_>, monitor: &dyn Monitor) -> Result<Verdict, HsimError> {
     let Found { level, vectors, values, kernel, count, wanted, .. } = *found;
     let k = values.len();
@@ -195,7 +201,8 @@ fn defect(gram: &DenseMatrix) -> f64 {
     defect
 }
 
-/// Per column the norm of the couplings `x_iᵀ(S − ½(θ_i + θ_j)M)x_j`, its own, by which it is no Rayleigh quotient, included.
+/// Per column the norm of the couplings `x_iᵀ(S − ½(θ_i + θ_j)M)x_j`, its own, by which it is no Rayleigh quotient,
+/// included.
 fn couplings(stiffness: &DenseMatrix, gram: &DenseMatrix, values: &[f64]) -> Vec<f64> {
     let column = |j: usize| {
         let entries = stiffness.column(j).iter().zip(gram.column(j)).zip(values);
@@ -298,7 +305,8 @@ fn bounds(
         })
         .collect();
     let lower = lower_bounds(values, errors, &weighted, below, ceiling);
-    // Of the lowest pairs, Ritz values are bounds from above. Others are enclosed by what lies below them as by what lies above, in a mirror.
+    // Of the lowest pairs, Ritz values are bounds from above. Others are enclosed by what lies below them as by what
+    // lies above, in a mirror.
     let upper = floor.map(|floor| {
         let mirrored = |numbers: &[f64]| numbers.iter().rev().copied().collect::<Vec<f64>>();
         let negative: Vec<f64> = values.iter().rev().map(|value| -value).collect();
@@ -308,8 +316,8 @@ fn bounds(
     (0..k).map(|j| (values[j] - lower[j]).max(above(j)).max(0.0) + errors[j]).collect()
 }
 
-/// What the eigenvalues that belong to ascending values are at least, where at most `below` of them, counted from the first, lie below `ceiling`:
-/// `weighted` are their residuals by Lehmann's bound.
+/// What the eigenvalues that belong to ascending values are at least, where at most `below` of them, counted from the
+/// first, lie below `ceiling`: `weighted` are their residuals by Lehmann's bound.
 fn lower_bounds(values: &[f64], errors: &[f64], weighted: &[f64], below: usize, ceiling: f64) -> Vec<f64> {
     let mut lower = vec![f64::NEG_INFINITY; values.len()];
     lower[below..].fill(ceiling);

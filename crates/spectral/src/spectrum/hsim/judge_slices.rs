@@ -7,7 +7,8 @@ use super::columns::defect;
 use super::judge::{Found, LARGEST_DEFECT, Verdict, certify};
 use super::segments::Cuts;
 
-/// As [`certify`], segment by segment: with as many columns between two counts as eigenvalues, each is enclosed with its index.
+/// As [`certify`], segment by segment: with as many columns between two counts as eigenvalues, each is enclosed with
+/// its index.
 ///
 /// # Errors
 /// As for [`certify`].

@@ -1,5 +1,5 @@
-//! The kernel of an operator whose rows sum to zero: the functions that are constant on each component. It is known exactly, so it takes no part in
-//! the iteration, where its values would be rounding errors.
+//! The kernel of an operator whose rows sum to zero: the functions that are constant on each component. It is known
+//! exactly, so it takes no part in the iteration, where its values would be rounding errors.
 
 use chladni_algebra::{PANEL_WIDTH, PanelMatrix, residual_sums};
 use chladni_base::parallel::*;
@@ -104,8 +104,8 @@ impl Iteration<'_> {
         if shift > 0.0 { self.kernel.dimension() } else { 0 }
     }
 
-    /// Which columns are not for the most part functions of the kernel, which rounding makes of directions of which next to nothing is left. Those
-    /// have values next to zero beside the highest one, `top`.
+    /// Which columns are not for the most part functions of the kernel, which rounding makes of directions of which
+    /// next to nothing is left. Those have values next to zero beside the highest one, `top`.
     pub fn not_of_the_kernel(&self, columns: &PanelMatrix, values: &[f64], top: f64) -> Vec<usize> {
         let mut clear: Vec<usize> = (0..values.len()).collect();
         let suspects: Vec<usize> =
@@ -127,8 +127,8 @@ impl Iteration<'_> {
         self.kernel.remove(&mut self.vectors);
     }
 
-    /// Puts the kernel, or `known` functions of it, among the columns, which ascend by value; gives where. Negative eigenvalues, which a potential
-    /// can have, come before it.
+    /// Puts the kernel, or `known` functions of it, among the columns, which ascend by value; gives where. Negative
+    /// eigenvalues, which a potential can have, come before it.
     pub fn insert_kernel(&mut self, known: usize) -> Result<std::ops::Range<usize>, HsimError> {
         let negative = self.values.partition_point(|&value| value < 0.0);
         if known > 0 {

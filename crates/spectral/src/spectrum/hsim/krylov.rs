@@ -18,8 +18,8 @@ use super::tuning::TUNING;
 /// A column of which orthogonalisation leaves less than this share is not worth more than a random one.
 const SPENT: f64 = 1e-8;
 
-/// Pairs to start from where nothing is known of the level but its matrices, or where another start led nowhere: as [`start`], with a shift below the
-/// lowest eigenvalue, which counts find.
+/// Pairs to start from where nothing is known of the level but its matrices, or where another start led nowhere: as
+/// [`start`], with a shift below the lowest eigenvalue, which counts find.
 pub(super) fn afresh(
     (level, symbolic): (&Level, &SymbolicFactor),
     kernel: &Kernel<'_>,
@@ -33,11 +33,11 @@ pub(super) fn afresh(
     start(PanelMatrix::zeros(level.size(), 0), level, kernel, &factor, columns, seed, monitor)
 }
 
-/// About `columns` Ritz pairs of the level beside the kernel, ascending by value, from a factor at a shift below the wanted eigenvalues. `basis` are
-/// orthonormal columns that are known to be among what is wanted, if any are.
+/// About `columns` Ritz pairs of the level beside the kernel, ascending by value, from a factor at a shift below the
+/// wanted eigenvalues. `basis` are orthonormal columns that are known to be among what is wanted, if any are.
 ///
-/// Columns are made orthogonal to all before them, once: the Rayleigh–Ritz in the end takes their Gram matrix. Where the space is exhausted, as it is
-/// soon where there are few distinct eigenvalues, random columns go on.
+/// Columns are made orthogonal to all before them, once: the Rayleigh–Ritz in the end takes their Gram matrix. Where
+/// the space is exhausted, as it is soon where there are few distinct eigenvalues, random columns go on.
 pub(super) fn start(
     mut basis: PanelMatrix,
     level: &Level,

@@ -1,11 +1,13 @@
 //! Pairs without a start: block Lanczos on the inverse at one shift in the middle of what is wanted.
 //!
-//! A step of subspace iteration takes a solve for every column, and divides errors by a constant. A Krylov space of narrow blocks grows by powers of
-//! the operator instead: with eight columns in a block, about two columns for each wanted pair hold all of them to nine digits (Grimes, Lewis and
-//! Simon 1994). Only where a good start and a single step are enough, as on large meshes at loose tolerances, is a hierarchy cheaper.
+//! A step of subspace iteration takes a solve for every column, and divides errors by a constant. A Krylov space of
+//! narrow blocks grows by powers of the operator instead: with eight columns in a block, about two columns for each
+//! wanted pair hold all of them to nine digits (Grimes, Lewis and Simon 1994). Only where a good start and a single
+//! step are enough, as on large meshes at loose tolerances, is a hierarchy cheaper.
 //!
-//! The operator is `T = (S − μM)⁻¹M`, self-adjoint for the inner product of the mass. Its eigenvalues are `ν = 1 / (λ − μ)`: those below the shift
-//! are negative, and the count at `μ` says how many. Blocks are made orthogonal to all before them.
+//! The operator is `T = (S − μM)⁻¹M`, self-adjoint for the inner product of the mass. Its eigenvalues are
+//! `ν = 1 / (λ − μ)`: those below the shift are negative, and the count at `μ` says how many. Blocks are made
+//! orthogonal to all before them.
 
 use chladni_algebra::{
     DenseMatrix, EigenError, Factor, KRYLOV_WIDTH, KrylovRow, KrylovSquare, PANEL_WIDTH, PanelMatrix, SolveScratch,
@@ -40,7 +42,8 @@ pub(super) struct Shift<'a> {
     pub below: usize,
 }
 
-/// Operations of a look for each cube of a column; of a block for each row, for each column of the space and for the solve.
+/// Operations of a look for each cube of a column; of a block for each row, for each column of the space and for the
+/// solve.
 const LOOK: f64 = 12.0;
 const GROWTH: (f64, f64) = (32.0, 60.0);
 
@@ -57,14 +60,16 @@ const MOST_TIMES: usize = 3;
 /// Products of columns that are less than this are as good as rounding errors.
 const NOTHING: f64 = 1e-15;
 
-/// Columns of a space from a shift among clusters, where few pairs are wanted, and the most numbers in them: 128 MB, which every promise has room for.
+/// Columns of a space from a shift among clusters, where few pairs are wanted, and the most numbers in them: 128 MB,
+/// which every promise has room for.
 const FOR_CLUSTERS: usize = 400;
 pub(super) const NUMBERS_FOR_CLUSTERS: usize = 16 << 20;
 
 /// Residuals of eigenvalues below this share of the shift are taken relative to that.
 const LEAST: f64 = 5e-3;
 
-/// Whether so many pairs of a level of a size, with such residuals, are had for less in a Krylov space than from a hierarchy.
+/// Whether so many pairs of a level of a size, with such residuals, are had for less in a Krylov space than from a
+/// hierarchy.
 pub(super) fn pays(size: usize, pairs: usize, tolerance: f64) -> bool {
     (tolerance <= TUNING.krylov.loose || size <= TUNING.krylov.large) && has_room(size, pairs, tolerance)
 }
@@ -81,8 +86,8 @@ fn first_look(pairs: usize, tolerance: f64) -> usize {
     (((columns + more * digits) * pairs as f64) as usize + beside).next_multiple_of(KRYLOV_WIDTH)
 }
 
-/// How many blocks a space of so many columns takes up before it is looked at again: a look is a dense eigenproblem, next to nothing beside a block of a large
-/// level, and worth several of a small one.
+/// How many blocks a space of so many columns takes up before it is looked at again: a look is a dense eigenproblem,
+/// next to nothing beside a block of a large level, and worth several of a small one.
 fn blocks_between_looks(size: usize, columns: usize) -> usize {
     let (size, columns) = (size as f64, columns as f64);
     let blocks = 2.0 * LOOK * columns.powi(3) / (GROWTH.0 * size * (columns + GROWTH.1));
@@ -101,7 +106,8 @@ pub(super) fn most_sparing(size: usize, pairs: usize, tolerance: f64) -> usize {
     (first_look(pairs, tolerance) + for_hundred * pairs / 100 + beside).min(size / TUNING.krylov.largest_share)
 }
 
-/// As [`pairs`] with a shift that counts find; nothing where they find none, or the space breaks down or does not hold what is wanted.
+/// As [`pairs`] with a shift that counts find; nothing where they find none, or the space breaks down or does not hold
+/// what is wanted.
 pub(super) fn start(
     level: &Level,
     symbolic: &SymbolicFactor,
@@ -143,8 +149,9 @@ pub(super) fn pairs_or_none(
     }
 }
 
-/// Ritz pairs beside the kernel from one factor, with a shift among them. Those that are wanted have converged, or all but a few; nothing where more
-/// have not, as where an eigenvalue has far more eigenvectors than a block has columns. `memory` of panels is used and given back.
+/// Ritz pairs beside the kernel from one factor, with a shift among them. Those that are wanted have converged, or all
+/// but a few; nothing where more have not, as where an eigenvalue has far more eigenvectors than a block has columns.
+/// `memory` of panels is used and given back.
 pub(super) fn pairs(
     level: &Level,
     symbolic: &SymbolicFactor,
@@ -347,8 +354,8 @@ impl<'a> Space<'a> {
         Ok(())
     }
 
-    /// Makes a block that is orthogonal to the space orthonormal; gives `R` with the block as it was equal to the new one times `R`. Columns that
-    /// depend on others, next to the size of the operator, are replaced by random ones.
+    /// Makes a block that is orthogonal to the space orthonormal; gives `R` with the block as it was equal to the new
+    /// one times `R`. Columns that depend on others, next to the size of the operator, are replaced by random ones.
     fn orthonormalise(&mut self, block: &mut Block, scratch: &mut Block, size: f64) -> Result<KrylovSquare, HsimError> {
         let mass = &self.level.mass;
         let (first, spent) = cholesky(&block_gram(mass, block, scratch), SPENT * size);
@@ -415,7 +422,8 @@ impl<'a> Space<'a> {
             std::array::from_fn(|j| (0..KRYLOV_WIDTH).map(|i| beside[j][i] * end[i]).sum())
         };
         let rests: Vec<KrylovRow> = (0..m).map(rest).collect();
-        // After one more application `S x − λ M x` is `M` times the rest over `ν²`; and `S x` is about `λ` times a vector of the mean mass.
+        // After one more application `S x − λ M x` is `M` times the rest over `ν²`; and `S x` is about `λ` times a
+        // vector of the mean mass.
         let mut inertia = Vec::new();
         mass_times_block(&self.level.mass, &self.next, &mut inertia);
         let squares = block_products(&inertia, &inertia);
@@ -441,10 +449,12 @@ impl<'a> Space<'a> {
         Some((self.shift.at + nu.recip()).abs())
     }
 
-    /// Some Ritz pairs, after one application of the operator more, which is known already: it takes off what they have of stiff directions.
+    /// Some Ritz pairs, after one application of the operator more, which is known already: it takes off what they have
+    /// of stiff directions.
     ///
-    /// It is orthogonal to the space: what becomes of a Ritz vector `x` is `y = T x / ν = x + Q f`, with the next block `Q`. So `YᵀMY = I + FᵀF`, and
-    /// from `(S − μM) T = M` follows `Yᵀ(S − μM)Y = diag(1 / ν)`: the Ritz pairs of their span are those of a small pencil.
+    /// It is orthogonal to the space: what becomes of a Ritz vector `x` is `y = T x / ν = x + Q f`, with the next block
+    /// `Q`. So `YᵀMY = I + FᵀF`, and from `(S − μM) T = M` follows `Yᵀ(S − μM)Y = diag(1 / ν)`: the Ritz pairs of their
+    /// span are those of a small pencil.
     fn vectors(mut self, ritz: &Ritz, chosen: &[usize], memory: &mut Vec<Vec<f64>>) -> Result<Found, HsimError> {
         let (m, q) = (self.columns(), chosen.len());
         let mut coefficients = DenseMatrix::zeros(m + KRYLOV_WIDTH, q);
@@ -497,8 +507,8 @@ impl Ritz {
         self.operator.partition_point(|&nu| nu < 0.0)
     }
 
-    /// By ascending eigenvalue of the pencil from an index on, which lies below the shift: those below it, by descending `ν`, then those above by
-    /// descending `ν` again.
+    /// By ascending eigenvalue of the pencil from an index on, which lies below the shift: those below it, by
+    /// descending `ν`, then those above by descending `ν` again.
     fn from(&self, first: usize, shift: &Shift<'_>, columns: usize) -> Vec<usize> {
         let below = self.below();
         // Of the negative ones, the smallest are no eigenvalues yet, where more are there than lie below.
@@ -507,7 +517,8 @@ impl Ritz {
     }
 }
 
-/// The upper triangular `R` with `RᵀR = G`; the rows of columns of which at most `least` is left after those before are zero, and these are named.
+/// The upper triangular `R` with `RᵀR = G`; the rows of columns of which at most `least` is left after those before are
+/// zero, and these are named.
 fn cholesky(gram: &KrylovSquare, least: f64) -> (KrylovSquare, [bool; KRYLOV_WIDTH]) {
     let (mut r, mut spent) = ([[0.0; KRYLOV_WIDTH]; KRYLOV_WIDTH], [false; KRYLOV_WIDTH]);
     for k in 0..KRYLOV_WIDTH {

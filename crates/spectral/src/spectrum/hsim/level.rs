@@ -1,4 +1,5 @@
-//! One level of the hierarchy: an eigenproblem in the order in which it is factored, and how a coarser one is made of it.
+//! One level of the hierarchy: an eigenproblem in the order in which it is factored, and how a coarser one is made of
+//! it.
 
 use chladni_algebra::{FactorError, GalerkinError, MassMatrix, Ordering, SparseMatrix, fill_reducing_order, galerkin};
 use chladni_base::{Cancelled, Monitor};
@@ -44,7 +45,8 @@ impl Level {
         self.stiffness.rows()
     }
 
-    /// About the largest eigenvalue, or more: the largest row sum of `|S|` over the lumped mass; one where there is nothing but zeros.
+    /// About the largest eigenvalue, or more: the largest row sum of `|S|` over the lumped mass; one where there is
+    /// nothing but zeros.
     pub fn spread(&self) -> f64 {
         let most = self.ratios().into_iter().fold(0.0, f64::max);
         if most > 0.0 { most } else { 1.0 }
@@ -61,7 +63,8 @@ impl Level {
     }
 }
 
-/// A space of about `target` local functions on a level, rows with sum 1, and the rows of the level that are their centres (ascending).
+/// A space of about `target` local functions on a level, rows with sum 1, and the rows of the level that are their
+/// centres (ascending).
 pub(super) fn space(
     level: &Level,
     target: usize,
@@ -80,8 +83,8 @@ pub(super) fn space(
     Ok((local::functions(level, &centres, radius, monitor)?, centres))
 }
 
-/// Areas tell how far apart samples lie where a surface is as wide as it is long. Where there are more samples than this many times the wanted ones,
-/// the spacing is searched for.
+/// Areas tell how far apart samples lie where a surface is as wide as it is long. Where there are more samples than
+/// this many times the wanted ones, the spacing is searched for.
 const MOST_EXCESS: usize = 2;
 
 /// At most so many spacings are tried.
@@ -139,11 +142,12 @@ impl Places for Level {
     }
 }
 
-/// The radius within which a sample covers its neighbours, over the spacing of as many samples as are wanted. Measured: gives
-/// that many within a few percent.
+/// The radius within which a sample covers its neighbours, over the spacing of as many samples as are wanted. Measured:
+/// gives that many within a few percent.
 const SPACING: f64 = 0.83;
 
-/// The level restricted to a space, in the order in which the new level is factored; the columns of `space` are renumbered to it.
+/// The level restricted to a space, in the order in which the new level is factored; the columns of `space` are
+/// renumbered to it.
 pub(super) fn coarsened(
     level: &Level,
     space: &SparseMatrix<f32>,

@@ -1,6 +1,7 @@
-//! HSIM, the hierarchical subspace iteration method (thesis, chapter 4): the lowest eigenpairs to any tolerance, proven complete. What a hierarchy
-//! does not do for less comes from a Krylov space (`lanczos.rs`), many pairs from one for each slice of the spectrum (`slices.rs`), which several
-//! machines may share (`parts`); counts and judgement are the same.
+//! HSIM, the hierarchical subspace iteration method (thesis, chapter 4): the lowest eigenpairs to any tolerance, proven
+//! complete. What a hierarchy does not do for less comes from a Krylov space (`lanczos.rs`), many pairs from one for
+//! each slice of the spectrum (`slices.rs`), which several machines may share (`parts`); counts and judgement are the
+//! same.
 
 mod bare;
 mod certificate;
@@ -48,15 +49,16 @@ use chladni_base::Cancelled;
 pub enum Wanted {
     /// The lowest so many, the kernel included.
     Count(usize),
-    /// All whose eigenvalue lies below this, in the unit of the eigenvalues (1/length² of the input, for a mesh); at most so many are delivered, more
-    /// are an error.
+    /// All whose eigenvalue lies below this, in the unit of the eigenvalues (1/length² of the input, for a mesh); at
+    /// most so many are delivered, more are an error.
     Below {
         /// The bound on the eigenvalues.
         bound: f64,
         /// The most pairs that may be delivered.
         most: usize,
     },
-    /// All whose eigenvalue is at least `from` and below `to`, in that unit too. All below `to` are computed, and may be `most`.
+    /// All whose eigenvalue is at least `from` and below `to`, in that unit too. All below `to` are computed, and may
+    /// be `most`.
     Between {
         /// The lower end, which belongs to the interval.
         from: f64,
@@ -71,8 +73,8 @@ pub enum Wanted {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Variant {
-    /// Ours: a Krylov space where that takes less, or several for slices of the spectrum; else better starting spaces, every group of eigenvalues
-    /// with its own shift, one Rayleigh–Ritz over all.
+    /// Ours: a Krylov space where that takes less, or several for slices of the spectrum; else better starting spaces,
+    /// every group of eigenvalues with its own shift, one Rayleigh–Ritz over all.
     #[default]
     Sliced,
     /// The thesis' Algorithms 1 to 3: linear prolongations, one shift a level.
@@ -92,13 +94,15 @@ pub struct HsimParameters {
     pub tolerance: f64,
     /// The algorithm.
     pub variant: Variant,
-    /// Levels of the hierarchy, the mesh included, 1 to 6; `None`: chosen by size and count, or a Krylov space where that takes less.
+    /// Levels of the hierarchy, the mesh included, 1 to 6; `None`: chosen by size and count, or a Krylov space where
+    /// that takes less.
     pub levels: Option<usize>,
     /// Overlap of the supports of prolongation functions; `None`: 7 for the published variant, 10 for ours.
     pub sigma: Option<f64>,
     /// Published variant: the shift of Algorithm 3 as a share of the wanted pairs, 0 to 1.
     pub shift_ratio: f64,
-    /// Columns iterated on per wanted pair, 1 to 4; `None`: 1.5 for the published variant and the baselines, guards for ours.
+    /// Columns iterated on per wanted pair, 1 to 4; `None`: 1.5 for the published variant and the baselines, guards for
+    /// ours.
     pub subspace_factor: Option<f64>,
     /// Seeds everything that is drawn at random.
     pub seed: u64,
@@ -109,12 +113,13 @@ pub struct HsimParameters {
 pub struct Eigenpairs {
     /// `m` eigenvalues, ascending, in 1/length² of the input.
     pub values: Vec<f64>,
-    /// `n × m`, a row for each vertex of the mesh (zero where the boundary condition makes it so), orthonormal for the mass of the
-    /// input; in each column the entry of largest magnitude is positive.
+    /// `n × m`, a row for each vertex of the mesh (zero where the boundary condition makes it so), orthonormal for the
+    /// mass of the input; in each column the entry of largest magnitude is positive.
     pub vectors: PanelMatrix,
     /// Per pair the residual (4.6).
     pub residuals: Vec<f64>,
-    /// Per pair a bound on the distance of the exact eigenvalue of the same index, rounding errors included, in 1/length² of the input.
+    /// Per pair a bound on the distance of the exact eigenvalue of the same index, rounding errors included, in
+    /// 1/length² of the input.
     pub bounds: Vec<f64>,
     /// The largest entry of `|XᵀMX − I|`.
     pub orthonormality_defect: f64,

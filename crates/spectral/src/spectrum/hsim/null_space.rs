@@ -1,7 +1,8 @@
-//! A start where zero is an eigenvalue of very many vectors, as for the curl-curl operator of edge elements, whose kernel are all gradients.
+//! A start where zero is an eigenvalue of very many vectors, as for the curl-curl operator of edge elements, whose
+//! kernel are all gradients.
 //!
-//! A Krylov space of blocks holds no more vectors of one eigenvalue than a block has columns. As many random vectors as the kernel has dimensions, solved
-//! at a shift next to zero, span it at once; what lies above has a space beside it.
+//! A Krylov space of blocks holds no more vectors of one eigenvalue than a block has columns. As many random vectors as
+//! the kernel has dimensions, solved at a shift next to zero, span it at once; what lies above has a space beside it.
 
 use chladni_algebra::{PANEL_WIDTH, PanelMatrix, SymbolicFactor, restrict, rotate};
 use chladni_base::{Monitor, SplitMix64};
@@ -20,8 +21,8 @@ const FEW: usize = 2 * PANEL_WIDTH;
 /// Solves: each leaves of other eigenvectors about the ratio of the shift and their eigenvalues.
 const SOLVES: usize = 2;
 
-/// `columns` Ritz pairs beside the known kernel, ascending by value, of a pencil without negative eigenvalues; nothing where zero has few eigenvectors or more
-/// than so many.
+/// `columns` Ritz pairs beside the known kernel, ascending by value, of a pencil without negative eigenvalues; nothing
+/// where zero has few eigenvectors or more than so many.
 pub(super) fn start(
     (level, symbolic): (&Level, &SymbolicFactor),
     kernel: &Kernel<'_>,

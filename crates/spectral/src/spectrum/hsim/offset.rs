@@ -1,5 +1,5 @@
-//! What of an operator is known before anything is computed: the constant part of its potential, and the components on which constants are in its
-//! kernel.
+//! What of an operator is known before anything is computed: the constant part of its potential, and the components on
+//! which constants are in its kernel.
 
 use chladni_algebra::{MassMatrix, SparseMatrix, WeightedMass};
 
@@ -8,19 +8,22 @@ use super::level::NO_KERNEL;
 /// Sums of a row are off by at most this for each entry, relative to the magnitudes that they sum.
 const UNIT: f64 = 2.0 * f64::EPSILON;
 
-/// A matrix so small beside the multiple that was taken off it is what the roundings of the assembly left. The Laplacian of a surface is a hundred
-/// times as large even beside a constant potential of 1e12 on unit area.
+/// A matrix so small beside the multiple that was taken off it is what the roundings of the assembly left. The
+/// Laplacian of a surface is a hundred times as large even beside a constant potential of 1e12 on unit area.
 const ROUNDINGS: f64 = 1e-12;
 
-/// A potential below this is far below zero: on unit size, tens of thousands of eigenvalues lie below its magnitude without it.
+/// A potential below this is far below zero: on unit size, tens of thousands of eigenvalues lie below its magnitude
+/// without it.
 const FAR_BELOW: f64 = -5e5;
 
 /// A potential that varies by no more than this share of its distance from zero is a constant and something beside it.
 const BESIDE: f64 = 0.01;
 
-/// The stiffness without the largest multiple of the mass that leaves no row with a negative sum, and that multiple: for the Laplacian plus a potential it is
-/// the least value of the potential, and no eigenvalue of what is left is negative. Iterations and gaps are relative to that. Nothing where the multiple is
-/// not positive, unless all of the potential is far below zero: elsewhere some eigenvalues may be about zero, and what is asked of them is relative to themselves.
+/// The stiffness without the largest multiple of the mass that leaves no row with a negative sum, and that multiple:
+/// for the Laplacian plus a potential it is the least value of the potential, and no eigenvalue of what is left is
+/// negative. Iterations and gaps are relative to that. Nothing where the multiple is not positive, unless all of the
+/// potential is far below zero: elsewhere some eigenvalues may be about zero, and what is asked of them is relative to
+/// themselves.
 pub(in crate::spectrum) fn taken_off(stiffness: &SparseMatrix, mass: &MassMatrix) -> Option<(SparseMatrix, f64)> {
     let lumped = mass.lumped();
     let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -83,8 +86,8 @@ pub(in crate::spectrum) fn constants_in_kernel(stiffness: &SparseMatrix, mass: &
     component.into_iter().filter(|&number| number != NO_KERNEL).max().map_or(0, |last| last as usize + 1)
 }
 
-/// Per row the number of its component in the graph of the matrix, if all rows of the component sum to zero as far as rounding lets one tell;
-/// [`NO_KERNEL`] if not. `offset` is the multiple of the mass that was taken off the matrix.
+/// Per row the number of its component in the graph of the matrix, if all rows of the component sum to zero as far as
+/// rounding lets one tell; [`NO_KERNEL`] if not. `offset` is the multiple of the mass that was taken off the matrix.
 pub(super) fn components(stiffness: &SparseMatrix, mass: &MassMatrix, offset: f64) -> Vec<u32> {
     let n = stiffness.rows();
     let lumped = mass.lumped();

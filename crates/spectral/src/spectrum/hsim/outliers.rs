@@ -1,9 +1,10 @@
-//! Where a start is looked for if some eigenvalues are negative: some may lie far below all others, as a dense row of a matrix, a term of low rank or deep
-//! wells of a potential make them.
+//! Where a start is looked for if some eigenvalues are negative: some may lie far below all others, as a dense row of a
+//! matrix, a term of low rank or deep wells of a potential make them.
 //!
-//! From a shift among the others, the inverse takes such values for next to nothing: they lie in the middle of its spectrum, where a Krylov space finds
-//! them last. From a shift below them, the others are one cluster. So the spectrum is cut where what lies above is narrow beside its distance from what lies
-//! below, and each part has a space of its own.
+//! From a shift among the others, the inverse takes such values for next to nothing: they lie in the middle of its
+//! spectrum, where a Krylov space finds them last. From a shift below them, the others are one cluster. So the spectrum
+//! is cut where what lies above is narrow beside its distance from what lies below, and each part has a space of its
+//! own.
 
 use chladni_algebra::{PanelMatrix, SymbolicFactor};
 use chladni_base::Monitor;
@@ -16,8 +17,9 @@ use super::level::Level;
 use super::scout::{Scout, Window};
 use super::solve::Columns;
 
-/// The wanted pairs of a pencil without a known kernel, and what is known of them: Ritz pairs of one space, or of several, which are orthogonal to
-/// each other as far as they have converged. Nothing where a space breaks down or does not hold its part.
+/// The wanted pairs of a pencil without a known kernel, and what is known of them: Ritz pairs of one space, or of
+/// several, which are orthogonal to each other as far as they have converged. Nothing where a space breaks down or does
+/// not hold its part.
 pub(super) fn start(
     of: (&Level, &SymbolicFactor),
     kernel: &Kernel<'_>,
@@ -76,8 +78,8 @@ fn of_one_or_several(
     Ok(of_parts((level, symbolic), kernel, scout, &parts, wanted, monitor)?.or(single))
 }
 
-/// Whether values are spread over their range as seen from the upper end: a shift among them tells those apart that lie there. Where not, those are as exact as
-/// their distance from the rest allows, and not as they could be.
+/// Whether values are spread over their range as seen from the upper end: a shift among them tells those apart that lie
+/// there. Where not, those are as exact as their distance from the rest allows, and not as they could be.
 fn is_spread(values: &[f64], wanted: usize) -> bool {
     // Of a few, what follows tells more.
     let values = &values[..values.len().min(2 * wanted + FEW)];

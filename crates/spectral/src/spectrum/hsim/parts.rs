@@ -1,13 +1,14 @@
-//! One problem in parts that know nothing of each other, as for several machines: each solves some slices of the spectrum, and a join makes one
-//! answer of them and proves it.
+//! One problem in parts that know nothing of each other, as for several machines: each solves some slices of the
+//! spectrum, and a join makes one answer of them and proves it.
 //!
-//! A plan is arithmetic: indices of pairs are divided evenly. Each slice looks for a shift near its middle, whose count says which pairs its Ritz
-//! values are, so that no slice has to wait for the one below. Neighbours overlap by a few pairs, and meet in the widest gap among those, where both
-//! have to agree. From there on everything is as in one process (`slices.rs`): a Rayleigh–Ritz between each two shifts, what is left between
-//! segments taken off, counts, judgement.
+//! A plan is arithmetic: indices of pairs are divided evenly. Each slice looks for a shift near its middle, whose count
+//! says which pairs its Ritz values are, so that no slice has to wait for the one below. Neighbours overlap by a few
+//! pairs, and meet in the widest gap among those, where both have to agree. From there on everything is as in one
+//! process (`slices.rs`): a Rayleigh–Ritz between each two shifts, what is left between segments taken off, counts,
+//! judgement.
 //!
-//! Where a slice does not find its pairs, as among eigenvalues of more copies than neighbours share, its part says so, and the join solves the problem
-//! in one piece instead.
+//! Where a slice does not find its pairs, as among eigenvalues of more copies than neighbours share, its part says so,
+//! and the join solves the problem in one piece instead.
 
 use chladni_algebra::{PANEL_WIDTH, PanelMatrix};
 use chladni_base::notes::FALLBACKS;
@@ -130,11 +131,12 @@ pub struct Parted<'a> {
 }
 
 impl<'a> Parted<'a> {
-    /// Divides a problem; into as many parts as there are slices of some 250 pairs where their number is not given. `version` is that of the solver: parts of
-    /// another one are refused.
+    /// Divides a problem; into as many parts as there are slices of some 250 pairs where their number is not given.
+    /// `version` is that of the solver: parts of another one are refused.
     ///
     /// # Errors
-    /// [`PartError::Unsuited`] where the pairs do not come from Krylov spaces, or are too few for so many parts; those of [`solve`](super::solve).
+    /// [`PartError::Unsuited`] where the pairs do not come from Krylov spaces, or are too few for so many parts; those
+    /// of [`solve`](super::solve).
     pub fn new(
         mesh: &'a TriangleMesh,
         problem: &'a EigenProblem,
@@ -190,7 +192,8 @@ impl<'a> Parted<'a> {
         &self.plan
     }
 
-    /// Solves one part, counted from 0. The same problem and plan give the same part, up to rounding where the number of threads differs.
+    /// Solves one part, counted from 0. The same problem and plan give the same part, up to rounding where the number
+    /// of threads differs.
     ///
     /// # Errors
     /// [`PartError::NoSuchPart`]; cancellation. A slice that does not find its pairs is no error: the part says so.
@@ -245,11 +248,12 @@ impl<'a> Parted<'a> {
         Ok(Ok(PartSlice { from, values, vectors, count: PartCount { shift: at, below, radius } }))
     }
 
-    /// Joins all parts, which are asked for one after the other, from 0; what comes out has the certificate of a solve in one piece.
+    /// Joins all parts, which are asked for one after the other, from 0; what comes out has the certificate of a solve
+    /// in one piece.
     ///
     /// # Errors
-    /// Those of `part`; [`PartError::Version`], [`PartError::Foreign`] and [`PartError::Damaged`] name the part that cannot be used; those of
-    /// [`solve`](super::solve).
+    /// Those of `part`; [`PartError::Version`], [`PartError::Foreign`] and [`PartError::Damaged`] name the part that
+    /// cannot be used; those of [`solve`](super::solve).
     pub fn join(self, part: &mut dyn FnMut(usize) -> Result<Part, PartError>) -> Result<Eigenpairs, PartError> {
         let reason = match self.joined(part)? {
             Ok(pairs) => return Ok(pairs),
@@ -367,7 +371,8 @@ fn check_slice(found: &PartSlice, plan: &PartPlan, slice: usize) -> Result<(), S
     Ok(())
 }
 
-/// Takes up what a slice has beyond those before; gives the values that it shares with the next one, or says why it does not fit.
+/// Takes up what a slice has beyond those before; gives the values that it shares with the next one, or says why it
+/// does not fit.
 fn append(
     assembly: &mut Assembly<'_>,
     slice: PartSlice,

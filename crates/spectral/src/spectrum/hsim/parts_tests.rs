@@ -1,4 +1,5 @@
-//! Parts and their join against the dense solver and a solve in one piece; parts that are lost, damaged or of something else.
+//! Parts and their join against the dense solver and a solve in one piece; parts that are lost, damaged or of something
+//! else.
 
 use chladni_base::{SplitMix64, StageClock, Unwatched};
 use chladni_mesh::TriangleMesh;

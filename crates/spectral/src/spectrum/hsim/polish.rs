@@ -1,13 +1,13 @@
 //! What Rayleigh–Ritz leaves of rounding errors in stiff directions, taken off column by column.
 //!
-//! A column that is a sum of others is rounded in every entry, and an entry of the matrix of 1e9, as beside a needle or a hair, makes a residual of
-//! such an error that no solve followed by a sum removes. `x ← x − (S − μM)⁻¹(S x − θ M x)` is an inverse iteration of which only a small correction
-//! is rounded. With `μ` as far below zero as the values lie above it, it changes what belongs to them by less than twice its error, and takes off
-//! what lies far above.
+//! A column that is a sum of others is rounded in every entry, and an entry of the matrix of 1e9, as beside a needle or
+//! a hair, makes a residual of such an error that no solve followed by a sum removes. `x ← x − (S − μM)⁻¹(S x − θ M x)`
+//! is an inverse iteration of which only a small correction is rounded. With `μ` as far below zero as the values lie
+//! above it, it changes what belongs to them by less than twice its error, and takes off what lies far above.
 //!
-//! What a stiff direction leaves in two columns couples them, by the product of both parts with its eigenvalue: a Rayleigh–Ritz turns the columns
-//! into each other by that over the gap between their values. Where this is more than rounding, it is made anew for the columns that are clear of the
-//! stiff direction.
+//! What a stiff direction leaves in two columns couples them, by the product of both parts with its eigenvalue: a
+//! Rayleigh–Ritz turns the columns into each other by that over the gap between their values. Where this is more than
+//! rounding, it is made anew for the columns that are clear of the stiff direction.
 
 use chladni_algebra::{Factor, PANEL_WIDTH, PanelMatrix, residual_panel, residual_sums, restrict, rotate};
 use chladni_base::parallel::*;
@@ -21,7 +21,8 @@ use super::shifts::factor_near;
 /// The most corrections with one shift.
 const MOST: usize = 4;
 
-/// What is longer than this, in the norm of the mass, is no rounding error, and columns that take it are no longer orthonormal.
+/// What is longer than this, in the norm of the mass, is no rounding error, and columns that take it are no longer
+/// orthonormal.
 const SMALL: f64 = 1e-10;
 
 /// What is longer than this belongs to columns that have not converged.
@@ -44,7 +45,8 @@ struct Corrected {
 }
 
 impl Iteration<'_> {
-    /// Corrects those of the lowest `wanted` columns whose residual (4.6) exceeds the tolerance. Columns that this does not improve stay as they are.
+    /// Corrects those of the lowest `wanted` columns whose residual (4.6) exceeds the tolerance. Columns that this does
+    /// not improve stay as they are.
     pub fn polish(&mut self, wanted: usize, tolerance: f64) -> Result<(), HsimError> {
         let mut order = self.order();
         order.truncate(wanted);
@@ -56,7 +58,8 @@ impl Iteration<'_> {
         let most = pending.iter().map(|&column| self.values[column].abs()).fold(0.0, f64::max);
         let middle = sizes.len() / 2;
         let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
-        // Where next to zero is all that is to be corrected, a shift as near to it would make the matrix singular but for rounding.
+        // Where next to zero is all that is to be corrected, a shift as near to it would make the matrix singular but
+        // for rounding.
         let mut reaches = vec![most];
         if median > most {
             reaches.push(median);
@@ -142,7 +145,8 @@ impl Iteration<'_> {
         Ok(true)
     }
 
-    /// What was known of products between segments is of the columns before, which are Ritz vectors of their segments only.
+    /// What was known of products between segments is of the columns before, which are Ritz vectors of their segments
+    /// only.
     fn forget_cuts(&mut self) {
         self.ritz &= self.cuts.take().is_none();
     }

@@ -1,7 +1,7 @@
 //! The method as published (thesis, Algorithms 1 to 3), and plain subspace iteration as a baseline.
 //!
-//! One reading differs: (4.9) takes the `T`-th root for the growth between `T` levels, of which there are `T − 1` steps; the `(T − 1)`-th root makes
-//! the finest level the mesh.
+//! One reading differs: (4.9) takes the `T`-th root for the growth between `T` levels, of which there are `T − 1`
+//! steps; the `(T − 1)`-th root makes the finest level the mesh.
 
 use chladni_algebra::{DenseMatrix, Ordering, PanelMatrix, SparseMatrix, SymbolicFactor, prolong};
 use chladni_base::Monitor;
@@ -38,7 +38,8 @@ pub(super) struct Start {
     pub reports: Vec<LevelReport>,
 }
 
-/// Algorithm 3 down to the level above the mesh. `places` is the row of `fine` that each vertex has, if it is an unknown.
+/// Algorithm 3 down to the level above the mesh. `places` is the row of `fine` that each vertex has, if it is an
+/// unknown.
 pub(super) fn start(
     mesh: &TriangleMesh,
     fine: &Level,
@@ -113,8 +114,8 @@ pub(super) fn start(
     Ok(Start { vectors, values, space: Some(spaces.swap_remove(0)), reports })
 }
 
-/// Algorithm 1: two inverse iterations, one Rayleigh–Ritz, until the wanted pairs pass (4.6). The first vectors stop once all of them are ten times
-/// better than they have to be.
+/// Algorithm 1: two inverse iterations, one Rayleigh–Ritz, until the wanted pairs pass (4.6). The first vectors stop
+/// once all of them are ten times better than they have to be.
 pub(super) fn subspace_iteration(
     iteration: &mut Iteration<'_>,
     shift: f64,
@@ -136,8 +137,8 @@ pub(super) fn subspace_iteration(
     Ok(())
 }
 
-/// The shift of Algorithm 3, line 12: midway between two Ritz values that are clearly apart, near the index that the ratio says; just
-/// below zero for index 0.
+/// The shift of Algorithm 3, line 12: midway between two Ritz values that are clearly apart, near the index that the
+/// ratio says; just below zero for index 0.
 pub(super) fn shift(values: &[f64], wanted: usize, ratio: f64) -> f64 {
     let at = (ratio * wanted as f64) as usize;
     let clear = |k: usize| values[k] - values[k - 1] > 1e-3 * values[k].abs();

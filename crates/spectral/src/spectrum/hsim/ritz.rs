@@ -8,8 +8,8 @@ use super::HsimError;
 /// Directions whose share of the largest is below this are dependent on the others as far as rounding lets one tell.
 const DEPENDENT: f64 = 1e-13;
 
-/// The `count` lowest Ritz pairs of `K z = θ G z`: values ascending and `G`-orthonormal vectors, `q × count`; fewer where the columns that `G` is the
-/// Gram matrix of are dependent.
+/// The `count` lowest Ritz pairs of `K z = θ G z`: values ascending and `G`-orthonormal vectors, `q × count`; fewer
+/// where the columns that `G` is the Gram matrix of are dependent.
 pub(super) fn ritz(
     stiffness: DenseMatrix,
     gram: DenseMatrix,

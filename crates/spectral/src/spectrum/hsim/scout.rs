@@ -1,4 +1,5 @@
-//! Where the lowest eigenvalues of a pencil lie, by inertia counts at a few shifts: what a start without geometry needs to know of it.
+//! Where the lowest eigenvalues of a pencil lie, by inertia counts at a few shifts: what a start without geometry needs
+//! to know of it.
 
 use chladni_algebra::{Factor, SparseMatrix, SymbolicFactor};
 use chladni_base::Monitor;
@@ -15,8 +16,9 @@ pub(super) const NEGLIGIBLE: f64 = 1e-10;
 /// Shifts that are tried on the way up.
 const MOST: usize = 8;
 
-/// The same for one shift among eigenvalues where factors are sparse, of so many entries a row at most: clusters a hundred-thousandth of their distance from
-/// zero wide, as of a graph with a hub, take so many halvings. Without a shift among them a space does not tell them apart.
+/// The same for one shift among eigenvalues where factors are sparse, of so many entries a row at most: clusters a
+/// hundred-thousandth of their distance from zero wide, as of a graph with a hub, take so many halvings. Without a
+/// shift among them a space does not tell them apart.
 const MOST_SPARSE: usize = 30;
 const MOST_STRICTLY: usize = 60;
 const SPARSE: usize = 100;
@@ -30,8 +32,8 @@ const BELOW_ONE: f64 = 1e-6;
 /// So many times the wanted number of eigenvalues are aimed at.
 const ABUNDANT: f64 = 1.6;
 
-/// What lies below a shift in the middle, as shares of all that is wanted: aimed at, good enough, and good enough after some shifts, as among
-/// multiplets.
+/// What lies below a shift in the middle, as shares of all that is wanted: aimed at, good enough, and good enough after
+/// some shifts, as among multiplets.
 const MIDDLE: f64 = 0.48;
 const MIDDLE_ENOUGH: std::ops::RangeInclusive<f64> = 0.42..=0.56;
 const MIDDLE_AT_LAST: std::ops::RangeInclusive<f64> = 0.1..=0.85;
@@ -40,10 +42,12 @@ const SOME: usize = 4;
 /// The window is good that holds between the wanted number of eigenvalues and this many times as many.
 const ENOUGH: usize = 3;
 
-/// Rows with more entries than this on average are those of solids, or of anything else that fills in more than surfaces do.
+/// Rows with more entries than this on average are those of solids, or of anything else that fills in more than
+/// surfaces do.
 const ENTRIES_OF_SURFACE: usize = 10;
 
-/// The median of the diagonal of a Laplacian of cotangents, on triangles of the usual quality; 2√3 where all are equilateral.
+/// The median of the diagonal of a Laplacian of cotangents, on triangles of the usual quality; 2√3 where all are
+/// equilateral.
 const DIAGONAL: f64 = 3.8;
 
 /// Whether a matrix fills in more than those of surfaces.
@@ -136,7 +140,8 @@ impl<'a> Scout<'a> {
         Ok(semidefinite)
     }
 
-    /// A window that holds the lowest `wanted` eigenvalues, or those below `bound`. With a `kernel`, zero is an eigenvalue.
+    /// A window that holds the lowest `wanted` eigenvalues, or those below `bound`. With a `kernel`, zero is an
+    /// eigenvalue.
     pub fn window(
         &mut self,
         wanted: usize,
@@ -175,8 +180,9 @@ impl<'a> Scout<'a> {
         self.tighten(low, high, kernel && semidefinite, semidefinite)
     }
 
-    /// A shift with the lowest `wanted` eigenvalues below and not many more, where some are negative and none lies below `floor`. No law tells how far apart
-    /// they lie, and a few may lie far below all others: it is halves that find it.
+    /// A shift with the lowest `wanted` eigenvalues below and not many more, where some are negative and none lies
+    /// below `floor`. No law tells how far apart they lie, and a few may lie far below all others: it is halves that
+    /// find it.
     fn end_of_lowest(&mut self, wanted: usize, floor: f64, monitor: &dyn Monitor) -> Result<f64, HsimError> {
         let (spread, most) = (self.spread(), self.most_counts());
         let (mut few, first) = (floor, -floor / 64.0);
@@ -202,8 +208,8 @@ impl<'a> Scout<'a> {
         Ok(many)
     }
 
-    /// The eigenvalues below a shift, or a little beside it where no factor is found there: zero is an eigenvalue of many a matrix, and a diagonal of zeros
-    /// hides what lies next to it. And where they were counted.
+    /// The eigenvalues below a shift, or a little beside it where no factor is found there: zero is an eigenvalue of
+    /// many a matrix, and a diagonal of zeros hides what lies next to it. And where they were counted.
     pub fn count_beside(&mut self, shift: f64, step: f64) -> Result<(f64, usize), HsimError> {
         match self.count(shift) {
             Err(HsimError::Numerical(_)) => Ok((shift + step, self.count(shift + step)?)),
@@ -221,8 +227,9 @@ impl<'a> Scout<'a> {
         self.symbolic.entries() <= SPARSE * self.level.size()
     }
 
-    /// A positive shift with about half of the lowest `wanted` eigenvalues below that are not those of the kernel; nothing where none is found, as
-    /// among eigenvalues of high multiplicity or many negative ones, or below the `least` share of the spread.
+    /// A positive shift with about half of the lowest `wanted` eigenvalues below that are not those of the kernel;
+    /// nothing where none is found, as among eigenvalues of high multiplicity or many negative ones, or below the
+    /// `least` share of the spread.
     pub fn middle(
         &mut self,
         (wanted, kernel): (usize, usize),
@@ -237,8 +244,9 @@ impl<'a> Scout<'a> {
         self.shift_below(&target, (first, least), kernel, monitor)
     }
 
-    /// As [`Self::middle`] with a shift that is no less in the middle after many tries than after few, or else above all that is wanted, where factors are
-    /// sparse: of two values and a cluster above them, a shift between these is among the wanted values, and no space tells the cluster apart from there.
+    /// As [`Self::middle`] with a shift that is no less in the middle after many tries than after few, or else above
+    /// all that is wanted, where factors are sparse: of two values and a cluster above them, a shift between these is
+    /// among the wanted values, and no space tells the cluster apart from there.
     pub fn strict_middle(
         &mut self,
         (wanted, kernel): (usize, usize),
@@ -262,8 +270,8 @@ impl<'a> Scout<'a> {
         Ok(None)
     }
 
-    /// A positive shift with about so many eigenvalues below that are not those of the kernel, looked for from a first guess; nothing where none is
-    /// found that is at least some share of the spread.
+    /// A positive shift with about so many eigenvalues below that are not those of the kernel, looked for from a first
+    /// guess; nothing where none is found that is at least some share of the spread.
     pub fn shift_below(
         &mut self,
         target: &Target,
@@ -314,7 +322,8 @@ impl<'a> Scout<'a> {
             };
             at = at.clamp(least * spread, spread);
         }
-        // Nothing lies between one eigenvalue of many vectors and nothing: of a few that are wanted a shift below will do.
+        // Nothing lies between one eigenvalue of many vectors and nothing: of a few that are wanted a shift below will
+        // do.
         let Some((at, 0)) = few.filter(|_| *target.at_last.start() <= 1.0) else { return Ok(None) };
         let (at, factor) =
             factor_near(self.level, self.symbolic, at, spread, std::mem::take(&mut self.storage), self.monitor)?;
@@ -322,8 +331,8 @@ impl<'a> Scout<'a> {
         Ok(Some(Shift { at, factor, below }))
     }
 
-    /// As [`Self::middle`] where some eigenvalues are negative: a shift of either sign, inside a part of the spectrum. A few values may lie far below
-    /// all others.
+    /// As [`Self::middle`] where some eigenvalues are negative: a shift of either sign, inside a part of the spectrum.
+    /// A few values may lie far below all others.
     pub fn middle_of(&mut self, part: &Part, monitor: &dyn Monitor) -> Result<Option<Shift<'a>>, HsimError> {
         let (from, wanted) = (part.from, part.count);
         let (target, spread) = (MIDDLE * wanted as f64, self.spread());
@@ -376,8 +385,8 @@ impl<'a> Scout<'a> {
         self.storage = factor.into_storage();
     }
 
-    /// How far above zero so many eigenvalues reach, roughly: by Weyl's law in two dimensions or in three. Where there are positions, the mass is
-    /// area.
+    /// How far above zero so many eigenvalues reach, roughly: by Weyl's law in two dimensions or in three. Where there
+    /// are positions, the mass is area.
     pub fn distance(&self, wanted: f64) -> f64 {
         let (n, fills_in) = (self.level.size(), fills_in(&self.level.stiffness));
         if !fills_in && !self.level.positions.is_empty() {
@@ -388,7 +397,8 @@ impl<'a> Scout<'a> {
         if fills_in {
             return median(self.level.ratios()) * (wanted / n as f64).powf(2.0 / 3.0);
         }
-        // In two dimensions the energy has no length in it: its diagonal tells the factor by which someone may have scaled it.
+        // In two dimensions the energy has no length in it: its diagonal tells the factor by which someone may have
+        // scaled it.
         let own = |row: usize| {
             let (columns, entries) = self.level.stiffness.row(row);
             columns.binary_search(&(row as u32)).map_or(0.0, |at| entries[at])

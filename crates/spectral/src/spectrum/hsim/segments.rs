@@ -1,8 +1,9 @@
 //! The columns of several slices as those of one problem.
 //!
-//! Spaces know nothing of each other: columns of two slices are orthogonal up to their residuals. Between two shifts lie the upper half of one slice
-//! and the lower half of the next, and a Rayleigh–Ritz makes them pairs of one segment. Segments meet at the shifts, where columns of one space are
-//! at their most exact; what is left of products between columns of different segments is taken off, from the less exact one of each two.
+//! Spaces know nothing of each other: columns of two slices are orthogonal up to their residuals. Between two shifts
+//! lie the upper half of one slice and the lower half of the next, and a Rayleigh–Ritz makes them pairs of one segment.
+//! Segments meet at the shifts, where columns of one space are at their most exact; what is left of products between
+//! columns of different segments is taken off, from the less exact one of each two.
 
 use std::ops::Range;
 
@@ -16,8 +17,8 @@ use super::level::Level;
 use super::ritz::ritz;
 use super::tuning::TUNING;
 
-/// Products between columns of different segments that may stay, those whose squares may, and those that are too large for columns of different
-/// eigenvalues.
+/// Products between columns of different segments that may stay, those whose squares may, and those that are too large
+/// for columns of different eigenvalues.
 const NOTHING: f64 = 1e-10;
 const SMALL: f64 = 2e-6;
 const LARGE: f64 = 1e-2;
@@ -90,8 +91,8 @@ impl<'a> Assembly<'a> {
         Ok(Some(Sliced { values, vectors, cuts: Cuts { counts, defect } }))
     }
 
-    /// Gives up counts whose shift lies next to a value: they prove nothing there, and the segments on both sides become one. Of many shifts some
-    /// happen to lie so.
+    /// Gives up counts whose shift lies next to a value: they prove nothing there, and the segments on both sides
+    /// become one. Of many shifts some happen to lie so.
     fn keep_certain_counts(&mut self) {
         let (known, values) = (self.kernel.dimension(), &self.values);
         self.counts.retain(|count| is_certain(count, values, known));
@@ -124,8 +125,8 @@ impl<'a> Assembly<'a> {
         Ok(self.values.is_sorted())
     }
 
-    /// Makes columns of different segments orthogonal; gives a bound on what is left of their products, nothing where they are no columns of
-    /// different pairs.
+    /// Makes columns of different segments orthogonal; gives a bound on what is left of their products, nothing where
+    /// they are no columns of different pairs.
     fn separate(&mut self) -> Result<Option<f64>, HsimError> {
         let Self { level, monitor, .. } = *self;
         for _ in 0..MOST_TIMES {
@@ -159,8 +160,9 @@ impl<'a> Assembly<'a> {
         Ok(None)
     }
 
-    /// Takes the products of columns of different segments off them. From which of two is a matter of their residuals: what a column has of another
-    /// is an error of the one that is less exact, and taken off the other it would be one of that.
+    /// Takes the products of columns of different segments off them. From which of two is a matter of their residuals:
+    /// what a column has of another is an error of the one that is less exact, and taken off the other it would be one
+    /// of that.
     fn take_off(&mut self, products: &DenseMatrix) -> Result<(), HsimError> {
         let sums = residual_sums(&self.level.stiffness, &self.level.mass, &self.vectors, &self.values, self.monitor)?;
         let share = |of: usize, other: usize| {
@@ -195,14 +197,16 @@ impl<'a> Assembly<'a> {
     }
 }
 
-/// Whether no value lies so near the shift of a count that rounding could have it on the other side; `known` values of the kernel lie below all.
+/// Whether no value lies so near the shift of a count that rounding could have it on the other side; `known` values of
+/// the kernel lie below all.
 pub(super) fn is_certain(count: &Count, values: &[f64], known: usize) -> bool {
     let below = count.below.saturating_sub(known);
     let beside = [below.checked_sub(1).and_then(|last| values.get(last)), values.get(below)];
     beside.into_iter().flatten().all(|value| (value - count.shift).abs() > CERTAIN * count.radius)
 }
 
-/// How many times the uncertainty of a count lies between its shift and the next value, at least: values are uncertain too.
+/// How many times the uncertainty of a count lies between its shift and the next value, at least: values are uncertain
+/// too.
 const CERTAIN: f64 = 4.0;
 
 /// Why slices are given up whose columns are not those of different pairs.

@@ -1,8 +1,9 @@
-//! Pairs of a semidefinite pencil of whose kernel only the dimension is known, such as the rigid motions of an elastic object, from a Krylov space.
+//! Pairs of a semidefinite pencil of whose kernel only the dimension is known, such as the rigid motions of an elastic
+//! object, from a Krylov space.
 //!
-//! The space needs nothing to start from, and takes a solve for each of its columns where inverse iterations take several. Residuals (4.6) are
-//! relative to `‖S x‖`, which tells nothing next to zero: what is measured and judged is the pencil `S / σ + M`, where `σ` is the lowest eigenvalue
-//! that is not zero.
+//! The space needs nothing to start from, and takes a solve for each of its columns where inverse iterations take
+//! several. Residuals (4.6) are relative to `‖S x‖`, which tells nothing next to zero: what is measured and judged is
+//! the pencil `S / σ + M`, where `σ` is the lowest eigenvalue that is not zero.
 
 use chladni_algebra::SparseMatrix;
 use chladni_base::Monitor;
@@ -19,11 +20,12 @@ use super::tuning::TUNING;
 use super::{Eigenpairs, HsimError, HsimParameters, Wanted};
 use crate::operator::EigenProblem;
 
-/// The least shift, as a share of the largest eigenvalue: a single triangle that is thin makes that of an elastic object so large that modes lie at
-/// `1e-12` of it. What rounding lets one count is judged at the end.
+/// The least shift, as a share of the largest eigenvalue: a single triangle that is thin makes that of an elastic
+/// object so large that modes lie at `1e-12` of it. What rounding lets one count is judged at the end.
 const LEAST_SHIFT: f64 = 1e-13;
 
-/// So many pairs are looked for at least: more than half of fewer may be those of the kernel, with no shift in their middle.
+/// So many pairs are looked for at least: more than half of fewer may be those of the kernel, with no shift in their
+/// middle.
 const FEWEST: usize = 16;
 
 /// The pairs that a space has to hold where so many are wanted.
@@ -39,15 +41,16 @@ pub(in crate::spectrum) struct AboveKernel {
     pub unit: f64,
 }
 
-/// The most columns of the Krylov space in which so many modes of an object with so many unknowns are looked for; `None` where there is no room for
-/// one. They take most of the memory.
+/// The most columns of the Krylov space in which so many modes of an object with so many unknowns are looked for;
+/// `None` where there is no room for one. They take most of the memory.
 pub fn krylov_columns(unknowns: usize, count: usize, tolerance: f64) -> Option<usize> {
     let pairs = looked_for(count);
     lanczos::has_room(unknowns, pairs, tolerance).then(|| lanczos::most_sparing(unknowns, pairs, tolerance))
 }
 
-/// Computes the lowest eigenpairs of a pencil whose rows are all unknowns, in its own units; `area` has to be 1. Nothing where a Krylov space does
-/// not hold them, as where eigenvalues have far more eigenvectors than its blocks have columns. Stages: `hierarchy`, `iterate`, `certify`.
+/// Computes the lowest eigenpairs of a pencil whose rows are all unknowns, in its own units; `area` has to be 1.
+/// Nothing where a Krylov space does not hold them, as where eigenvalues have far more eigenvectors than its blocks
+/// have columns. Stages: `hierarchy`, `iterate`, `certify`.
 ///
 /// # Errors
 /// [`HsimError`], as [`solve`](super::solve).

@@ -19,16 +19,16 @@ pub(super) struct Group {
     pub strays: Vec<Strays>,
 }
 
-/// Consecutive columns with a shift of their own: values far below all others, which a solve with the shift of the others would turn into what the
-/// block lacks.
+/// Consecutive columns with a shift of their own: values far below all others, which a solve with the shift of the
+/// others would turn into what the block lacks.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Strays {
     pub columns: Range<usize>,
     pub shift: f64,
 }
 
-/// Groups of panels for ascending values. The first panel has a low shift of its own: relative to their eigenvalues, the lowest
-/// columns need the most of a solve.
+/// Groups of panels for ascending values. The first panel has a low shift of its own: relative to their eigenvalues,
+/// the lowest columns need the most of a solve.
 pub(super) fn groups(values: &[f64], plan: &Plan) -> Vec<Group> {
     let panels = values.len().div_ceil(PANEL_WIDTH);
     let top = values.last().copied().unwrap_or_default();
@@ -49,8 +49,9 @@ pub(super) fn groups(values: &[f64], plan: &Plan) -> Vec<Group> {
 /// The shift of the first panel lies near the middle of so many values.
 pub(super) const LOWEST: usize = 12;
 
-/// A shift near the middle of ascending values, in the widest gap there; just below them where they are as good as one. The block ends at `top`: values that
-/// lie much closer to it than to zero, as beside a large constant, are one where they are so beside that distance.
+/// A shift near the middle of ascending values, in the widest gap there; just below them where they are as good as one.
+/// The block ends at `top`: values that lie much closer to it than to zero, as beside a large constant, are one where
+/// they are so beside that distance.
 pub(super) fn shift(values: &[f64], top: f64) -> f64 {
     let values = bulk(values);
     let (least, most) = (values[0], values[values.len() - 1]);
@@ -68,13 +69,15 @@ pub(super) fn shift(values: &[f64], top: f64) -> f64 {
     }
 }
 
-/// What differences of values from `least` on are measured by in a block that ends at `top`: themselves, or how far they are from there, if they lie next to it.
+/// What differences of values from `least` on are measured by in a block that ends at `top`: themselves, or how far
+/// they are from there, if they lie next to it.
 pub(super) fn unit(value: f64, least: f64, top: f64) -> f64 {
     let (reach, size) = (top - least, value.abs());
     if reach > ONE * size && reach < NEXT_TO * size { reach } else { size }
 }
 
-/// Ascending values without those at the ends that lie so far out that the middle between the ends is not among the middle half of the values.
+/// Ascending values without those at the ends that lie so far out that the middle between the ends is not among the
+/// middle half of the values.
 fn bulk(mut values: &[f64]) -> &[f64] {
     loop {
         let (quarter, last) = (values.len() / 4, values.len() - 1);
@@ -86,8 +89,9 @@ fn bulk(mut values: &[f64]) -> &[f64] {
     }
 }
 
-/// Those of ascending values, the columns from `from` on, that lie too far below the shift of their group, as measured by how far above it the
-/// block ends: a solve damps what lies beyond the block by the ratio of the two. They are parted at their widest gaps until their own shifts serve them.
+/// Those of ascending values, the columns from `from` on, that lie too far below the shift of their group, as measured
+/// by how far above it the block ends: a solve damps what lies beyond the block by the ratio of the two. They are
+/// parted at their widest gaps until their own shifts serve them.
 pub(super) fn strays(values: &[f64], shift: f64, top: f64, from: usize) -> Vec<Strays> {
     let count = values.partition_point(|&value| shift - value > FAR_BELOW * (top - shift).abs());
     let mut strays = Vec::new();
@@ -108,8 +112,8 @@ pub(super) fn strays(values: &[f64], shift: f64, top: f64, from: usize) -> Vec<S
     strays
 }
 
-/// Columns so many times farther below a shift than the end of the block lies above it have another. Columns of the last panel, with their shift in the
-/// middle, lie about as far.
+/// Columns so many times farther below a shift than the end of the block lies above it have another. Columns of the
+/// last panel, with their shift in the middle, lie about as far.
 const FAR_BELOW: f64 = 2.0;
 
 /// A shift of strays serves them where they lie no farther from it than this share of the way to the end of the block.
@@ -130,10 +134,12 @@ const ONE: f64 = 1e-7;
 /// How far below a cluster its shift lies, relative to it.
 const BESIDE: f64 = 3e-3;
 
-/// How far below zero the shift lies where nothing is known of any value: on unit area, the first positive one of the sphere is 25.
+/// How far below zero the shift lies where nothing is known of any value: on unit area, the first positive one of the
+/// sphere is 25.
 const BELOW_ZERO: f64 = 0.5;
 
-/// A factor at the shift, or beside it where it lies on an eigenvalue; and where. `spread` is about the largest eigenvalue.
+/// A factor at the shift, or beside it where it lies on an eigenvalue; and where. `spread` is about the largest
+/// eigenvalue.
 pub(super) fn factor_near<'a>(
     level: &Level,
     symbolic: &'a SymbolicFactor,
@@ -147,7 +153,8 @@ pub(super) fn factor_near<'a>(
     })
 }
 
-/// The eigenvalues below the shift, or below one beside it where it lies on an eigenvalue, by a factor that is not kept.
+/// The eigenvalues below the shift, or below one beside it where it lies on an eigenvalue, by a factor that is not
+/// kept.
 pub(super) fn count_near(
     level: &Level,
     symbolic: &SymbolicFactor,

@@ -1,7 +1,8 @@
 //! Many pairs slice by slice: each slice of the spectrum has a shift in its middle and a Krylov space of its own.
 //!
-//! What a space costs beside its solves grows with the square of its columns, so that a few spaces side by side are cheaper than one, and take less
-//! memory. Counts at the shifts give every Ritz value its index, so that a slice begins where the one before it ends.
+//! What a space costs beside its solves grows with the square of its columns, so that a few spaces side by side are
+//! cheaper than one, and take less memory. Counts at the shifts give every Ritz value its index, so that a slice begins
+//! where the one before it ends.
 //!
 //! What becomes one of them is told in `segments.rs`. Slices that are solved elsewhere are the business of `parts.rs`.
 

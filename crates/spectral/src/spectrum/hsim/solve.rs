@@ -105,8 +105,9 @@ impl Task<'_> {
         Ok(found.map(|(lanczos::Found { values, vectors, .. }, columns)| Begun { values, vectors, columns }))
     }
 
-    /// As [`Task::solve`]; where that leads nowhere, from all pairs of a dense solve if the problem is small, else from random vectors. A start whose
-    /// coarse levels miss what the mesh has, as those of very thin triangles do, may leave some eigenvectors to several slices and others to none.
+    /// As [`Task::solve`]; where that leads nowhere, from all pairs of a dense solve if the problem is small, else from
+    /// random vectors. A start whose coarse levels miss what the mesh has, as those of very thin triangles do, may
+    /// leave some eigenvectors to several slices and others to none.
     pub fn solve_or_begin_again(
         &self,
         vectors: PanelMatrix,
@@ -130,7 +131,8 @@ impl Task<'_> {
         }
         monitor.stage("repair");
         let of = (&finest.level, &finest.symbolic);
-        // Deep wells of a potential keep levels from what lies above them. A pencil without a surface has begun that way.
+        // Deep wells of a potential keep levels from what lies above them. A pencil without a surface has begun that
+        // way.
         if kernel.dimension() == 0 && !finest.level.positions.is_empty() {
             let HsimParameters { tolerance, seed, .. } = *self.parameters;
             let wanted = lanczos::Wanted::lowest(finest.level.size(), self.nontrivial, columns, tolerance, seed);
@@ -221,7 +223,8 @@ impl Task<'_> {
                     plan.tolerance = (TIGHTER * plan.tolerance).max(TIGHTEST)
                 }
                 Ok(None) => delivery.decide = true,
-                // Columns that came close to the tolerance may lose it when they are made orthonormal; a count needs values clear of its shift.
+                // Columns that came close to the tolerance may lose it when they are made orthonormal; a count needs
+                // values clear of its shift.
                 Err(error) if attempt < TUNING.proof.attempts && error.is_of_the_iteration() => plan.tolerance *= 0.1,
                 Err(error) => return Err(error),
             }
@@ -282,8 +285,8 @@ pub(super) enum Aim {
     Pairs(Goal, usize),
 }
 
-/// What is wanted of a level; `of` turns a bound as it was asked for into one on the eigenvalues of the level, `kernel` is the dimension of the
-/// kernel that is known.
+/// What is wanted of a level; `of` turns a bound as it was asked for into one on the eigenvalues of the level, `kernel`
+/// is the dimension of the kernel that is known.
 ///
 /// # Errors
 /// [`HsimError::Count`], where far more pairs lie below a bound than may be delivered; those of a factor.
@@ -326,7 +329,8 @@ fn estimate(finest: &Finest, bound: f64, kernel: usize, monitor: &dyn Monitor) -
             return Ok(Estimate::Nothing(above));
         }
     }
-    // Next to zero, rounding may count the kernel, which is known to lie at zero and not below a bound that is no higher.
+    // Next to zero, rounding may count the kernel, which is known to lie at zero and not below a bound that is no
+    // higher.
     if bound <= 0.0 && bound >= -3.0 * at.radius {
         let (below, above) = (count(-6.0 * at.radius)?, count(6.0 * at.radius)?);
         if below.below == 0 && above.below == kernel {

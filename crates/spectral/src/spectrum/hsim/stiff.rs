@@ -1,14 +1,15 @@
 //! How far a count is uncertain where a few stiff rows make it seem so.
 //!
-//! The rounding errors `E` of a factor have `|xᵀE x| ≤ Σ_i ρ_i m_i x_i²`, and by the largest `ρ_i` no eigenvalue moves farther than that. On a
-//! needle, a triangle of next to no width, stiffness over mass may be a million times that of other rows, and its errors with it. But no vector that
-//! matters is large there: with `H = S + μM`, which is positive definite, `x_i² ≤ (H⁻¹)_ii xᵀH x`. For a set of stiff rows, and `ρ` the most of all
-//! others,
+//! The rounding errors `E` of a factor have `|xᵀE x| ≤ Σ_i ρ_i m_i x_i²`, and by the largest `ρ_i` no eigenvalue moves
+//! farther than that. On a needle, a triangle of next to no width, stiffness over mass may be a million times that of
+//! other rows, and its errors with it. But no vector that matters is large there: with `H = S + μM`, which is positive
+//! definite, `x_i² ≤ (H⁻¹)_ii xᵀH x`. For a set of stiff rows, and `ρ` the most of all others,
 //!
 //! `|xᵀE x| ≤ ρ xᵀM x + κ xᵀH x`, `κ = Σ_stiff ρ_i m_i (H⁻¹)_ii`,
 //!
-//! so that an eigenvalue at the shift `μ` of the one pencil is within `(ρ + 2 μ κ) / (1 − κ)` of `μ` in the other. The diagonal of the inverse
-//! takes one more factor, at `−μ`, and a solve for each stiff row. That factor has errors as well; they are bounded by themselves in the same way.
+//! so that an eigenvalue at the shift `μ` of the one pencil is within `(ρ + 2 μ κ) / (1 − κ)` of `μ` in the other. The
+//! diagonal of the inverse takes one more factor, at `−μ`, and a solve for each stiff row. That factor has errors as
+//! well; they are bounded by themselves in the same way.
 
 use chladni_algebra::{FactorError, PANEL_WIDTH, SymbolicFactor};
 use chladni_base::Monitor;
@@ -39,8 +40,8 @@ pub(super) struct Uncertain<'a> {
 }
 
 impl Uncertain<'_> {
-    /// The radius of the count at the shift, and storage that is given back; nothing where errors do not stem from a few rows. No eigenvalue of the
-    /// level may lie below zero.
+    /// The radius of the count at the shift, and storage that is given back; nothing where errors do not stem from a
+    /// few rows. No eigenvalue of the level may lie below zero.
     pub fn radius(
         &self,
         level: &Level,

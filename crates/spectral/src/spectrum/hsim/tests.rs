@@ -356,7 +356,8 @@ fn a_bound_on_an_eigenvalue_of_a_multiplet_is_no_trap() {
     let sphere = generate(Shape::Sphere, 1002).unwrap();
     let problem = laplacian(&sphere);
     let truth = exact(&problem, 40);
-    // Inside the rounding of the values between l = 2 and themselves: either none of the five counts or some do, but never a failure.
+    // Inside the rounding of the values between l = 2 and themselves: either none of the five counts or some do, but
+    // never a failure.
     let found = solved(&sphere, &problem, &below(truth[6], 100), "on a multiplet");
     assert!((4..=9).contains(&found.values.len()), "{}", found.values.len());
 }

@@ -1,8 +1,9 @@
 //! What the solver weighs time against memory and digits with, in one place.
 //!
-//! A number that belongs to one function alone, such as what rounding leaves or how wide a gap is, stands beside that function. Where seconds are told, they are
-//! processor seconds, of `chladni solve MESH --method hsim -n P --tolerance E --json` unless another command is named; the whole tables are in the decisions.
-//! Where nothing is told, the number was chosen with the algorithm and not measured alone.
+//! A number that belongs to one function alone, such as what rounding leaves or how wide a gap is, stands beside that
+//! function. Where seconds are told, they are processor seconds, of
+//! `chladni solve MESH --method hsim -n P --tolerance E --json` unless another command is named; the whole tables are
+//! in the decisions. Where nothing is told, the number was chosen with the algorithm and not measured alone.
 
 /// The constants of the solver.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,59 +20,71 @@ pub(super) struct Tuning {
 /// Of a Krylov space of narrow blocks (decision 0101).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Krylov {
-    /// Columns that the space has when convergence is looked at first: so many for each wanted pair, more for each digit of the residual, and some beside them.
-    /// Fewer cost looks in vain, each a dense eigenproblem of the space; more, columns that nobody needed. Between 1.8 and 2.1 columns a pair hold them in the end.
+    /// Columns that the space has when convergence is looked at first: so many for each wanted pair, more for each
+    /// digit of the residual, and some beside them. Fewer cost looks in vain, each a dense eigenproblem of the space;
+    /// more, columns that nobody needed. Between 1.8 and 2.1 columns a pair hold them in the end.
     pub first_look: (f64, f64, usize),
-    /// The most blocks between looks, where a look costs much beside a block; on large levels it is one, and the first look is so much earlier. 50 pairs of igea
-    /// to 1e-6 take 136 columns instead of 152, of rocker-arm 144 instead of 152.
+    /// The most blocks between looks, where a look costs much beside a block; on large levels it is one, and the first
+    /// look is so much earlier. 50 pairs of igea to 1e-6 take 136 columns instead of 152, of rocker-arm 144 instead
+    /// of 152.
     pub most_between_looks: usize,
-    /// The most columns of the space, for each two wanted pairs and beside them. Memory: two and a half for a pair are what an iteration takes.
+    /// The most columns of the space, for each two wanted pairs and beside them. Memory: two and a half for a pair are
+    /// what an iteration takes.
     pub most: (usize, usize),
-    /// The same where memory is scarce: beyond those of the first look, for each hundred wanted pairs and beside them. 500 modes of a shell of 172,966 vertices
-    /// were held at 808 columns (decision 0106; `chladni run vibration_basis armadillo.obj --subdivide 1 -p count=500 -p thickness=0.01`).
+    /// The same where memory is scarce: beyond those of the first look, for each hundred wanted pairs and beside them.
+    /// 500 modes of a shell of 172,966 vertices were held at 808 columns (decision 0106;
+    /// `chladni run vibration_basis armadillo.obj --subdivide 1 -p count=500 -p thickness=0.01`).
     pub most_sparing: (usize, usize),
     /// The space has at most this share of the unknowns: beyond, dense solves and hierarchies are cheaper.
     pub largest_share: usize,
-    /// In a space that may not grow, one of so many pairs may be left to an iteration. Time against memory: an iteration copies the columns that are coupled to
-    /// those that are left, which was 2.3 GB of 9.4 for 500 modes (decision 0106).
+    /// In a space that may not grow, one of so many pairs may be left to an iteration. Time against memory: an
+    /// iteration copies the columns that are coupled to those that are left, which was 2.3 GB of 9.4 for 500 modes
+    /// (decision 0106).
     pub many_left: usize,
-    /// Before, one may be left for every so many looks, such as a zero that nobody knew of: time of columns against that of a step.
+    /// Before, one may be left for every so many looks, such as a zero that nobody knew of: time of columns against
+    /// that of a step.
     pub few_left: usize,
-    /// Residuals are estimated, and have to be so much smaller than what is wanted: columns against a step where the estimate was too good.
+    /// Residuals are estimated, and have to be so much smaller than what is wanted: columns against a step where the
+    /// estimate was too good.
     pub safe: f64,
-    /// Up to this residual a space is cheaper than a hierarchy on any mesh: armadillo, 250 pairs to 1e-4 by a hierarchy 3.9 s, to 1e-6 by a space 2.5; igea,
-    /// 250 pairs to 1e-6, 14.4 and 8.8 (decision 0101).
+    /// Up to this residual a space is cheaper than a hierarchy on any mesh: armadillo, 250 pairs to 1e-4 by a hierarchy
+    /// 3.9 s, to 1e-6 by a space 2.5; igea, 250 pairs to 1e-6, 14.4 and 8.8 (decision 0101).
     pub loose: f64,
-    /// At looser residuals, up to so many unknowns: at 1e-2 both take 2.8 s for 250 pairs of armadillo's 43,243 vertices (decision 0101).
+    /// At looser residuals, up to so many unknowns: at 1e-2 both take 2.8 s for 250 pairs of armadillo's 43,243
+    /// vertices (decision 0101).
     pub large: usize,
-    /// So many elastic modes beyond the wanted ones have to converge: columns against a factor and a copy of all columns where the gap to count in lies above
-    /// pairs that have not converged (decision 0106).
+    /// So many elastic modes beyond the wanted ones have to converge: columns against a factor and a copy of all
+    /// columns where the gap to count in lies above pairs that have not converged (decision 0106).
     pub beyond_modes: usize,
 }
 
 /// Of slices of the spectrum with spaces of their own (decision 0102).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Slices {
-    /// Pairs of a slice, about. Products with the basis grow with it, columns for each pair shrink: 128 cost the same as 250, with 2.5 columns a pair instead of
-    /// 2.1 (decision 0102).
+    /// Pairs of a slice, about. Products with the basis grow with it, columns for each pair shrink: 128 cost the same
+    /// as 250, with 2.5 columns a pair instead of 2.1 (decision 0102).
     pub pairs: usize,
-    /// Fewer pairs than this are taken from one space, which is as cheap: igea, 400 pairs to 1e-6, 18.2 s in one space and 18.5 in slices (decision 0102).
+    /// Fewer pairs than this are taken from one space, which is as cheap: igea, 400 pairs to 1e-6, 18.2 s in one space
+    /// and 18.5 in slices (decision 0102).
     pub fewest: usize,
     /// Pairs beyond the wanted ones that slices have to hold, so that there is a gap to count in.
     pub beyond: usize,
-    /// Residuals of slices are at most this. Looser ones save columns and lose what they save in what has to be taken off between segments: 500 pairs of igea with
-    /// 1e-4, 1e-5 and 1e-6 took 25.2, 23.9 and 23.9 s (decision 0102).
+    /// Residuals of slices are at most this. Looser ones save columns and lose what they save in what has to be taken
+    /// off between segments: 500 pairs of igea with 1e-4, 1e-5 and 1e-6 took 25.2, 23.9 and 23.9 s (decision 0102).
     pub close: f64,
-    /// Up to so many pairs; above, less by their number: products between columns of different segments are of the size of residuals over the gap between them.
+    /// Up to so many pairs; above, less by their number: products between columns of different segments are of the size
+    /// of residuals over the gap between them.
     pub close_up_to: usize,
-    /// From this tolerance on, columns of a slice are orthonormal to eight digits only, for half of the products with the basis: they are joined anyway.
+    /// From this tolerance on, columns of a slice are orthonormal to eight digits only, for half of the products with
+    /// the basis: they are joined anyway.
     pub loose: f64,
 }
 
 /// Of the spaces that the iteration on the mesh starts from (decision 0014).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Hierarchy {
-    /// Overlap of the supports of prolongation functions: entries of the prolongation against how near its span is to the eigenvectors.
+    /// Overlap of the supports of prolongation functions: entries of the prolongation against how near its span is to
+    /// the eigenvectors.
     pub sigma: f64,
     /// Columns beyond the wanted ones, one for so many of those and at least so many: solves against passes.
     pub guards: (usize, usize),
@@ -79,11 +92,13 @@ pub(super) struct Hierarchy {
     pub few: usize,
     /// Meshes of so few vertices are solved densely where that is not much larger than the coarsest level.
     pub small: usize,
-    /// The residual (4.6) up to which levels between the coarsest and the mesh are solved: what is left, the mesh removes.
+    /// The residual (4.6) up to which levels between the coarsest and the mesh are solved: what is left, the mesh
+    /// removes.
     pub middle_tolerance: f64,
 }
 
-/// Of the order in which a level is factored. Nested dissection takes longer to find than one of minimum degree, and saves a third of every factor and solve.
+/// Of the order in which a level is factored. Nested dissection takes longer to find than one of minimum degree, and
+/// saves a third of every factor and solve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Order {
     /// It is found for so many columns at least,
@@ -105,10 +120,11 @@ pub(super) struct Iteration {
     pub tight: f64,
     /// From so many vertices on, two panels share a factor, which costs more than the solves of a few panels.
     pub many_vertices: usize,
-    /// Where more than this share of the columns has to be improved, all are replaced at once: solves of columns that need none against a refining step, which
-    /// keeps what was there.
+    /// Where more than this share of the columns has to be improved, all are replaced at once: solves of columns that
+    /// need none against a refining step, which keeps what was there.
     pub replace_share: f64,
-    /// A step that leaves the worst residual above this share of what it was has stalled; the next one leaves nothing out.
+    /// A step that leaves the worst residual above this share of what it was has stalled; the next one leaves nothing
+    /// out.
     pub stalled: f64,
     /// It is made with this share of the tolerance.
     pub strict: f64,

@@ -22,7 +22,8 @@ pub(super) struct Wanted {
     pub seed: u64,
     /// How many pairs may be left to an iteration.
     pub leave: Leave,
-    /// So many of the lowest eigenvalues are zero, and residuals are relative to `‖(S + σM) x‖`, where `σ` is the next one.
+    /// So many of the lowest eigenvalues are zero, and residuals are relative to `‖(S + σM) x‖`, where `σ` is the next
+    /// one.
     pub zeros: Option<usize>,
     /// Whether columns may be orthonormal to some eight digits only, for half of the products with the basis.
     pub loosely: bool,

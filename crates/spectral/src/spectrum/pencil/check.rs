@@ -7,8 +7,8 @@ use super::PencilError;
 /// Entries on either side of the diagonal may differ by this share of the largest in their rows.
 const ROUNDING: f64 = 1e-12;
 
-/// A matrix of `rows × columns` from the arrays of SciPy's `csr_matrix` (or of its transpose by columns): the entries of row `i` are
-/// `indptr[i]..indptr[i + 1]`. They may come in any order, and those of one place are added up.
+/// A matrix of `rows × columns` from the arrays of SciPy's `csr_matrix` (or of its transpose by columns): the entries
+/// of row `i` are `indptr[i]..indptr[i + 1]`. They may come in any order, and those of one place are added up.
 ///
 /// # Errors
 /// [`PencilError::Structure`] names the row whose offsets or columns do not fit.

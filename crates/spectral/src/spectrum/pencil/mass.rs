@@ -8,7 +8,8 @@ use chladni_base::Monitor;
 use super::{Mass, PencilError, check};
 use crate::spectrum::hsim::HsimError;
 
-/// Shares of the diagonal that are tried to lie below the mass: consistent masses of linear elements hold 1/2 and more, those of a boundary less.
+/// Shares of the diagonal that are tried to lie below the mass: consistent masses of linear elements hold 1/2 and more,
+/// those of a boundary less.
 const SHARES: [f64; 8] = [0.45, 0.2, 0.05, 1e-2, 1e-4, 1e-6, 1e-8, 1e-11];
 
 /// The mass of a pencil with `n` rows.
@@ -59,7 +60,8 @@ fn positive(diagonal: Vec<f64>) -> Result<Vec<f64>, PencilError> {
     Ok(diagonal)
 }
 
-/// The mass with its diagonal for weights: where no eigenvalue of the pencil `(M, D)` lies below a share, `D` is at most `M` over that.
+/// The mass with its diagonal for weights: where no eigenvalue of the pencil `(M, D)` lies below a share, `D` is at
+/// most `M` over that.
 fn weighted(matrix: SparseMatrix, diagonal: Vec<f64>, monitor: &dyn Monitor) -> Result<WeightedMass, PencilError> {
     let failed = |error: FactorError| PencilError::from(HsimError::from(error));
     let order = fill_reducing_order(&matrix, Ordering::Amd).map_err(failed)?;

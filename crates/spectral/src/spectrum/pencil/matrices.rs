@@ -7,8 +7,9 @@ use super::{Mass, Pencil, PencilError, check, mass};
 use crate::operator::{EigenProblem, MeshOperator, OperatorReport};
 use crate::spectrum::hsim::{self, HsimError};
 
-/// Matrices that were checked: `S` is symmetric to the last bit, without stored zeros; so is a mass that is no diagonal. Equal matrices are equal
-/// here, whatever format they came in: entries of one place are added up, a mass that is a diagonal is kept as one, and ones on it as the identity.
+/// Matrices that were checked: `S` is symmetric to the last bit, without stored zeros; so is a mass that is no
+/// diagonal. Equal matrices are equal here, whatever format they came in: entries of one place are added up, a mass
+/// that is a diagonal is kept as one, and ones on it as the identity.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Matrices {
     stiffness: SparseMatrix,
@@ -60,7 +61,8 @@ impl Matrices {
         }
     }
 
-    /// `(S + cM, M)` without the rows and columns of `fixed`, as an operator that pairs can be [verified](crate::verify) by: rows stand for vertices.
+    /// `(S + cM, M)` without the rows and columns of `fixed`, as an operator that pairs can be
+    /// [verified](crate::verify) by: rows stand for vertices.
     ///
     /// # Errors
     /// [`PencilError`]: rows that are not there, a mass that is not definite, cancellation.
@@ -128,11 +130,12 @@ impl Matrices {
         Ok(symbolic()?)
     }
 
-    /// Proves that the mass is positive definite, which the pencil of every solve does as well: worth while where a factor of it fits into what
-    /// `monitor` promises.
+    /// Proves that the mass is positive definite, which the pencil of every solve does as well: worth while where a
+    /// factor of it fits into what `monitor` promises.
     ///
     /// # Errors
-    /// [`PencilError::NotDefinite`], [`PencilError::NearlySingular`], [`PencilError::Solve`] where the factor does not fit, cancellation.
+    /// [`PencilError::NotDefinite`], [`PencilError::NearlySingular`], [`PencilError::Solve`] where the factor does not
+    /// fit, cancellation.
     pub fn prove(&self, monitor: &dyn Monitor) -> Result<(), PencilError> {
         mass::checked(self.mass.clone(), self.rows(), monitor).map(|_| ())
     }

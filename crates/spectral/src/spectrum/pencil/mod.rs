@@ -52,7 +52,8 @@ pub enum Wanted {
         /// The most pairs below the upper end.
         most: usize,
     },
-    /// The `count` whose eigenvalues are nearest to `shift`, which may lie anywhere. All below the shift are computed, and `count` above it.
+    /// The `count` whose eigenvalues are nearest to `shift`, which may lie anywhere. All below the shift are computed,
+    /// and `count` above it.
     Around {
         /// The number that eigenvalues are to be near to.
         shift: f64,
@@ -94,7 +95,8 @@ pub struct Pencil {
 pub struct Parameters {
     /// Which pairs.
     pub wanted: Wanted,
-    /// Largest residual `‖S x − λ M x‖ / ‖(S + cM) x‖` of a pair, 1e-10 to 0.5; `c` is [`Pairs::moved`]. Eigenvalues are as exact as its square.
+    /// Largest residual `‖S x − λ M x‖ / ‖(S + cM) x‖` of a pair, 1e-10 to 0.5; `c` is [`Pairs::moved`]. Eigenvalues
+    /// are as exact as its square.
     pub tolerance: f64,
     /// Seeds everything that is drawn at random.
     pub seed: u64,
@@ -111,12 +113,13 @@ impl Default for Parameters {
 pub struct Pairs {
     /// `m` eigenvalues, ascending.
     pub values: Vec<f64>,
-    /// `n × m`, a column for each value, orthonormal for the mass; rows that were fixed are zero. In each column the entry of largest magnitude is
-    /// positive.
+    /// `n × m`, a column for each value, orthonormal for the mass; rows that were fixed are zero. In each column the
+    /// entry of largest magnitude is positive.
     pub vectors: DenseMatrix,
     /// Residuals, enclosures and inertia counts, in the units of the pencil.
     pub certificate: Certificate,
-    /// The multiple `c` of the mass that residuals are relative to. Zero where no eigenvalue but that of a kernel of constants is near zero.
+    /// The multiple `c` of the mass that residuals are relative to. Zero where no eigenvalue but that of a kernel of
+    /// constants is near zero.
     pub moved: f64,
 }
 
@@ -233,9 +236,9 @@ impl PencilError {
 }
 
 impl Pencil {
-    /// Checks a pencil of an `n × n` matrix with both triangles stored and a mass. The rows and columns of `fixed` are taken out, in any order:
-    /// vectors are zero there (Dirichlet). Entries on either side of the diagonal may differ by rounding, 1e-12 of the largest in their rows; their
-    /// mean is taken.
+    /// Checks a pencil of an `n × n` matrix with both triangles stored and a mass. The rows and columns of `fixed` are
+    /// taken out, in any order: vectors are zero there (Dirichlet). Entries on either side of the diagonal may differ
+    /// by rounding, 1e-12 of the largest in their rows; their mean is taken.
     ///
     /// # Errors
     /// [`PencilError`] names the first entry or row that does not fit.
@@ -282,8 +285,8 @@ impl Pencil {
     }
 }
 
-/// Brings the entries of a pencil to where no square overflows, by powers of two; gives what eigenvalues and entries of vectors have to be multiplied
-/// by.
+/// Brings the entries of a pencil to where no square overflows, by powers of two; gives what eigenvalues and entries of
+/// vectors have to be multiplied by.
 fn scale(problem: &mut EigenProblem) -> (f64, f64) {
     let diagonal = |matrix: &SparseMatrix, row: usize| {
         let (columns, values) = matrix.row(row);
@@ -312,8 +315,8 @@ fn power(number: f64, step: i32) -> f64 {
     f64::from(exponent.clamp(-1000, 1000)).exp2()
 }
 
-/// Computes eigenpairs of a pencil and proves by inertia that none is missing. Stages: `hierarchy`, `iterate`, `certify`, and `repair` where
-/// something was missing; before them `count`, where pairs around a shift are wanted.
+/// Computes eigenpairs of a pencil and proves by inertia that none is missing. Stages: `hierarchy`, `iterate`,
+/// `certify`, and `repair` where something was missing; before them `count`, where pairs around a shift are wanted.
 ///
 /// # Errors
 /// [`PencilError`]: more pairs than there are, pairs that do not converge, stay missing or cannot be proven, cancellation.
@@ -383,8 +386,9 @@ impl Pencil {
 }
 
 impl Pairs {
-    /// As a basis, which can be written and evaluated like that of a mesh: a row of the pencil stands for a vertex. `about` becomes its
-    /// metadata, with [`moved`](Self::moved). In single precision residuals are those of what is stored.
+    /// As a basis, which can be written and evaluated like that of a mesh: a row of the pencil stands for a vertex.
+    /// `about` becomes its metadata, with [`moved`](Self::moved). In single precision residuals are those of what is
+    /// stored.
     ///
     /// # Errors
     /// [`PencilError::Cancelled`].
@@ -414,7 +418,8 @@ impl Pairs {
     }
 }
 
-/// Panels as columns one after the other, their entries times a number, at some of `rows` rows. Panels are given back as they are copied.
+/// Panels as columns one after the other, their entries times a number, at some of `rows` rows. Panels are given back
+/// as they are copied.
 fn columns(vectors: PanelMatrix, rows: usize, places: Option<&[u32]>, factor: f64) -> DenseMatrix {
     let count = vectors.columns();
     let mut dense = DenseMatrix::zeros(rows, count);

@@ -1,8 +1,8 @@
 //! The pairs nearest to a number inside the spectrum.
 //!
-//! With `c` eigenvalues below the shift, the `k` nearest are among the lowest `c + k`: of those, `k` lie at the shift or above, each nearer than
-//! whatever comes after. One inertia count tells `c`; the lowest `c + k` pairs are proven complete as always, and enclosures tell which of them are
-//! the nearest.
+//! With `c` eigenvalues below the shift, the `k` nearest are among the lowest `c + k`: of those, `k` lie at the shift
+//! or above, each nearer than whatever comes after. One inertia count tells `c`; the lowest `c + k` pairs are proven
+//! complete as always, and enclosures tell which of them are the nearest.
 
 use std::ops::Range;
 
@@ -41,10 +41,12 @@ pub(super) fn solve(
             return Err(HsimError::Count { wanted: computed, most }.into());
         }
         let pairs = lowest(pencil, Wanted::Count(computed), parameters, monitor)?;
-        // What lies next to the shift may have been counted on its other side: only pairs that are surely above it tell that nothing nearer comes after.
+        // What lies next to the shift may have been counted on its other side: only pairs that are surely above it tell
+        // that nothing nearer comes after.
         let enclosed = pairs.values.iter().zip(&pairs.certificate.bounds);
         let above = enclosed.filter(|(value, bound)| *value - *bound >= shift).count();
-        // Or that as many as are wanted lie on the shift, as far as one can tell, in a cluster that goes on: then nothing is nearer.
+        // Or that as many as are wanted lie on the shift, as far as one can tell, in a cluster that goes on: then
+        // nothing is nearer.
         let enclosed = pairs.values.iter().zip(&pairs.certificate.bounds);
         let on_shift = enclosed.filter(|(value, bound)| (*value - shift).abs() <= **bound).count();
         let goes_on = pairs.certificate.cut.is_some_and(|cut| cut.end > computed);
@@ -137,8 +139,8 @@ fn nearest(mut pairs: Pairs, shift: f64, count: usize, counter: &Counter) -> Res
     Ok(pairs)
 }
 
-/// The `count` of ascending values that are nearest to `shift` are neighbours: from the first of these numbers to before the second. Of two as near,
-/// the one with fewer others between.
+/// The `count` of ascending values that are nearest to `shift` are neighbours: from the first of these numbers to
+/// before the second. Of two as near, the one with fewer others between.
 fn window(values: &[f64], shift: f64, count: usize) -> (usize, usize) {
     let place = values.partition_point(|&value| value < shift);
     let (mut start, mut end) = (place, place);
@@ -178,7 +180,8 @@ fn ties(values: &[f64], bounds: &[f64], shift: f64, window: Range<usize>) -> Vec
     .collect()
 }
 
-/// The pairs of a cluster that goes on beyond the last of those that were computed, which is delivered: any of its pairs could stand for it.
+/// The pairs of a cluster that goes on beyond the last of those that were computed, which is delivered: any of its
+/// pairs could stand for it.
 fn copies(cut: CutCluster, window: Range<usize>, values: &[f64], bounds: &[f64]) -> Vec<NearPair> {
     let Some(last) = values.len().checked_sub(1).filter(|&last| cut.first <= last && cut.end > values.len()) else {
         return Vec::new();
@@ -192,7 +195,8 @@ fn copies(cut: CutCluster, window: Range<usize>, values: &[f64], bounds: &[f64])
     (cut.first.max(window.start)..cut.end).map(copy).collect()
 }
 
-/// A shift between a pair and the one before, where their enclosures leave room for one, and how much room on either side.
+/// A shift between a pair and the one before, where their enclosures leave room for one, and how much room on either
+/// side.
 fn gap_below(values: &[f64], bounds: &[f64], at: usize) -> Option<(f64, f64)> {
     let before = at.checked_sub(1)?;
     let (low, high) = (values[before] + bounds[before], values.get(at)? - bounds[at]);

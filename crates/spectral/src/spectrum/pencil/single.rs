@@ -6,8 +6,8 @@ use chladni_base::Monitor;
 use super::{Pairs, Pencil, PencilError};
 use crate::spectrum::hsim::{HsimError, plus_mass};
 
-/// The residuals of vectors that are rounded to single precision, relative to `‖(S + cM) x‖`; those of a kernel remain what they are in double
-/// precision.
+/// The residuals of vectors that are rounded to single precision, relative to `‖(S + cM) x‖`; those of a kernel remain
+/// what they are in double precision.
 pub(super) fn residuals(pairs: &Pairs, pencil: &Pencil, monitor: &dyn Monitor) -> Result<Vec<f64>, PencilError> {
     let (unit, entry) = pencil.factors;
     let problem = &pencil.problem;

@@ -1,4 +1,5 @@
-//! Columns as they grew, before they are put in rows: of millions of vertices those would be as much again, and whoever coarsens the mesh needs few.
+//! Columns as they grew, before they are put in rows: of millions of vertices those would be as much again, and whoever
+//! coarsens the mesh needs few.
 
 use super::Column;
 use chladni_algebra::SparseMatrix;

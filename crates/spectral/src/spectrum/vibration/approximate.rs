@@ -43,10 +43,10 @@ pub(super) fn threefold(space: &SparseMatrix<f32>) -> SparseMatrix<f32> {
 
 /// The lowest `wanted` pairs of the space `(I − P)(U ⊗ I₃)`, where `P` projects onto the rigid motions `R`.
 ///
-/// With `G = VᵀMR` the pencil of that space is `(K̄, M̄ − G Gᵀ)`: rigid motions have no energy. What `V` holds of them exactly, such as the
-/// translations of free parts, makes both matrices singular in the same directions; the lowest pairs do not change when these are given an
-/// energy far above all others, by adding `T Tᵀ` to the mass and a multiple of it to the stiffness, `T` being the columns of `G` for the
-/// motions that `V` holds.
+/// With `G = VᵀMR` the pencil of that space is `(K̄, M̄ − G Gᵀ)`: rigid motions have no energy. What `V` holds of them
+/// exactly, such as the translations of free parts, makes both matrices singular in the same directions; the lowest
+/// pairs do not change when these are given an energy far above all others, by adding `T Tᵀ` to the mass and a multiple
+/// of it to the stiffness, `T` being the columns of `G` for the motions that `V` holds.
 pub(super) fn modes(
     elastic: &ElasticProblem,
     rigid: &RigidMotions,

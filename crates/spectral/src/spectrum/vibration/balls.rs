@@ -10,7 +10,8 @@ use crate::spectrum::local::{self, Places};
 /// About so many functions reach over each vertex.
 const OVERLAP: f64 = 16.0;
 
-/// Radial functions with a cubic profile in the connected parts of balls, rows normalised to the sum 1. Rows are all vertices.
+/// Radial functions with a cubic profile in the connected parts of balls, rows normalised to the sum 1. Rows are all
+/// vertices.
 pub(super) fn functions(
     mesh: &TetMesh,
     dimension: usize,
@@ -20,7 +21,8 @@ pub(super) fn functions(
     monitor.stage("sampling");
     let graph = Graph::new(mesh);
     let volume: f64 = mesh.tetrahedra.iter().map(|corners| graph.volume(corners)).sum();
-    // The radius within which a centre covers its neighbours, found so that there are about as many centres as are wanted.
+    // The radius within which a centre covers its neighbours, found so that there are about as many centres as are
+    // wanted.
     let (mut low, mut high) = (0.0, 2.0 * (volume / dimension.max(1) as f64).cbrt());
     while local::centres(&graph, high, seed, monitor)?.len() > dimension && high < 1e6 * volume.cbrt() {
         (low, high) = (high, 1.5 * high);
@@ -88,8 +90,8 @@ impl Places for Graph<'_> {
     }
 }
 
-/// A factor on each vertex that moves: what an implicit heat step with zero at the clamped vertices leaves of 1. It vanishes there like the
-/// distance from them, over about one support of a function.
+/// A factor on each vertex that moves: what an implicit heat step with zero at the clamped vertices leaves of 1. It
+/// vanishes there like the distance from them, over about one support of a function.
 pub(super) fn envelope(
     body: ElasticBody<'_>,
     elastic: &ElasticProblem,

@@ -1,8 +1,9 @@
 //! Modes to a residual, by HSIM.
 //!
-//! HSIM knows the kernel of a scalar operator, the constants, not rigid motions. So it is given the problem shifted by the lowest elastic
-//! eigenvalue, in units of it: rigid motions are then modes like others, with the value 1, and every residual is relative. What comes out
-//! for them is replaced by what is known exactly. Modes come from a Krylov space, or where that does not hold them from refined approximate ones.
+//! HSIM knows the kernel of a scalar operator, the constants, not rigid motions. So it is given the problem shifted by
+//! the lowest elastic eigenvalue, in units of it: rigid motions are then modes like others, with the value 1, and every
+//! residual is relative. What comes out for them is replaced by what is known exactly. Modes come from a Krylov space,
+//! or where that does not hold them from refined approximate ones.
 
 use std::iter;
 
@@ -72,8 +73,8 @@ pub(super) fn modes(
     beside_rigid(elastic, rigid, pairs, unit, monitor)
 }
 
-/// Refuses an iteration that takes more memory than all of the work was promised, which is what a Krylov space takes: three blocks of columns, the
-/// problem twice, and two factors with some seven times its entries each.
+/// Refuses an iteration that takes more memory than all of the work was promised, which is what a Krylov space takes:
+/// three blocks of columns, the problem twice, and two factors with some seven times its entries each.
 fn refuse_beyond_promise(problem: &EigenProblem, count: usize, monitor: &dyn Monitor) -> Result<(), VibrationError> {
     let bytes = 24 * problem.size() as u64 * (count as u64 + 64) + 136 * problem.stiffness.entries() as u64;
     match monitor.promised_bytes() {
@@ -87,7 +88,8 @@ fn refuse_beyond_promise(problem: &EigenProblem, count: usize, monitor: &dyn Mon
 /// Scalar functions of a start, at least.
 const LEAST_DIMENSION: usize = 150;
 
-/// Inverse iterations of a start: without them what the space locks lies so high that the first shifts would be far from everything wanted.
+/// Inverse iterations of a start: without them what the space locks lies so high that the first shifts would be far
+/// from everything wanted.
 const START_ITERATIONS: Iterations = Iterations::Exactly(2);
 
 /// What eigenvalues are measured in.

@@ -1,9 +1,9 @@
 //! Local functions times local coordinates: so that a patch can also turn and stretch.
 //!
-//! A patch that bends turns its neighbourhood, and where all that a space can do is to shift patches against each other, bending a thin shell
-//! stretches it: the modes of `U ⊗ I₃` are far too stiff ("locking"). With the functions `U_j`, `U_j s_j`, `U_j t_j`, where `s_j` and `t_j` are
-//! coordinates in the tangent plane of the patch, every patch follows its own affine map, as in the partition of unity method (Babuška and
-//! Melenk 1997).
+//! A patch that bends turns its neighbourhood, and where all that a space can do is to shift patches against each
+//! other, bending a thin shell stretches it: the modes of `U ⊗ I₃` are far too stiff ("locking"). With the functions
+//! `U_j`, `U_j s_j`, `U_j t_j`, where `s_j` and `t_j` are coordinates in the tangent plane of the patch, every patch
+//! follows its own affine map, as in the partition of unity method (Babuška and Melenk 1997).
 
 use chladni_algebra::{CpuSolver, DenseMatrix, SparseMatrix, SymmetricDefiniteSolver};
 use chladni_base::Unwatched;
@@ -16,8 +16,8 @@ type Vector = [f64; 3];
 /// An axis along which a patch extends less than this share of its longest one counts as its normal.
 const FLAT: f64 = 0.2;
 
-/// Each column times 1 and times the coordinates along the main axes of its patch: `(1 + axes) s` columns at most, those of a patch next to
-/// each other. Rows are the vertices that move.
+/// Each column times 1 and times the coordinates along the main axes of its patch: `(1 + axes) s` columns at most,
+/// those of a patch next to each other. Rows are the vertices that move.
 pub(super) fn enriched(space: &SparseMatrix<f32>, elastic: &ElasticProblem, axes: usize) -> SparseMatrix<f32> {
     let mass = elastic.problem.mass.lumped();
     let patches = patches(space, elastic, &mass, axes);

@@ -1,8 +1,9 @@
 //! Modes that refined columns do not hold: found by counting, and then computed.
 //!
-//! Every Ritz value lies above the eigenvalue of its number. So no more Ritz values than eigenvalues lie below a shift, and if there are as many,
-//! then no eigenvalue below it is lacking. The inertia of one factor tells (Sylvester). What is lacking no inverse iteration brings soon: a thin
-//! shell has many modes with nearly the same frequency, and those that the local functions lack altogether come slowly. A Krylov space finds them.
+//! Every Ritz value lies above the eigenvalue of its number. So no more Ritz values than eigenvalues lie below a shift,
+//! and if there are as many, then no eigenvalue below it is lacking. The inertia of one factor tells (Sylvester). What
+//! is lacking no inverse iteration brings soon: a thin shell has many modes with nearly the same frequency, and those
+//! that the local functions lack altogether come slowly. A Krylov space finds them.
 
 use chladni_algebra::PanelMatrix;
 
@@ -10,8 +11,8 @@ use super::refined::Refined;
 use super::{ElasticBody, ElasticProblem, Found, Iterations, Monitor, RigidMotions, VibrationError, exact};
 use crate::spectrum::refine::Ordered;
 
-/// A value may lie above its eigenvalue by this many times its estimated error, as a share of the eigenvalue: twice because of the square, and
-/// twice because it is an estimate.
+/// A value may lie above its eigenvalue by this many times its estimated error, as a share of the eigenvalue: twice
+/// because of the square, and twice because it is an estimate.
 const SAFETY: f64 = 4.0;
 
 /// A gap is at least so wide.
@@ -40,8 +41,8 @@ struct Place {
     values: usize,
 }
 
-/// The refined modes with what a count tells of them. Where the error had to be made small and is not, or modes are lacking, modes of a Krylov
-/// space stand in for them.
+/// The refined modes with what a count tells of them. Where the error had to be made small and is not, or modes are
+/// lacking, modes of a Krylov space stand in for them.
 pub(super) fn modes(
     body: ElasticBody<'_>,
     elastic: &ElasticProblem,
@@ -106,7 +107,8 @@ fn standing_in(mut found: Found, iterations: usize, lacking: usize) -> Found {
     found
 }
 
-/// The highest gap between values that is wide enough for their errors, or else the widest; among the upper half, and that above the last.
+/// The highest gap between values that is wide enough for their errors, or else the widest; among the upper half, and
+/// that above the last.
 fn place(refined: &Refined) -> Option<Place> {
     let (values, errors) = (&refined.values, &refined.errors);
     let gap = |values_below: usize| {
@@ -124,7 +126,8 @@ fn place(refined: &Refined) -> Option<Place> {
     first.or_else(|| gaps().max_by(|a, b| a.2.total_cmp(&b.2))).map(|(place, ..)| place)
 }
 
-/// A value below which no more than `index` eigenvalues lie, so that the one of that number, from 0, is above: nearly the highest.
+/// A value below which no more than `index` eigenvalues lie, so that the one of that number, from 0, is above: nearly
+/// the highest.
 fn lower(
     mut low: f64,
     mut high: f64,

@@ -1,8 +1,9 @@
 //! Vibration modes of elastic objects (thesis, §2.6): by the fast approximation, or to a tolerance by HSIM.
 //!
-//! The displacement of a vertex has three coordinates, so the space of the approximation is `U ⊗ I₃` with the scalar space `U` of chapter 2.
-//! It holds translations but no rotations. Rigid motions are known exactly, however: they are taken out of the space and put before the
-//! modes that are found in what is left, so that neither their zeros nor anything else depends on how well `U` holds them.
+//! The displacement of a vertex has three coordinates, so the space of the approximation is `U ⊗ I₃` with the scalar
+//! space `U` of chapter 2. It holds translations but no rotations. Rigid motions are known exactly, however: they are
+//! taken out of the space and put before the modes that are found in what is left, so that neither their zeros nor
+//! anything else depends on how well `U` holds them.
 
 mod approximate;
 mod balls;
@@ -35,10 +36,11 @@ pub enum VibrationMethod {
     Approximate {
         /// `d`.
         dimension: usize,
-        /// Whether local functions come with coordinates of their patches, so that patches can turn: three or four functions for each of
-        /// a third or a quarter as many patches.
+        /// Whether local functions come with coordinates of their patches, so that patches can turn: three or four
+        /// functions for each of a third or a quarter as many patches.
         local_coordinates: bool,
-        /// Inverse iterations on the mesh afterwards: none keeps the modes compact, with one or more they are dense and far more accurate.
+        /// Inverse iterations on the mesh afterwards: none keeps the modes compact, with one or more they are dense and
+        /// far more accurate.
         inverse_iterations: Iterations,
     },
     /// HSIM, to a residual, proven complete.
@@ -53,8 +55,8 @@ pub enum VibrationMethod {
 pub enum Iterations {
     /// So many.
     Exactly(usize),
-    /// Three, and more until the estimated relative error of every frequency is at most this, or ten were made. Where it is more then, or modes turn out
-    /// to be lacking, all come from a Krylov space.
+    /// Three, and more until the estimated relative error of every frequency is at most this, or ten were made. Where
+    /// it is more then, or modes turn out to be lacking, all come from a Krylov space.
     Until(f64),
 }
 
@@ -153,7 +155,8 @@ impl From<FactorError> for VibrationError {
 
 /// Computes the lowest vibration modes of an object. The metadata hold the report of the operator.
 ///
-/// Stages: `operator`, then `sampling`, `basis`, `reduce`, `eigen`, and `hierarchy`, `iterate`, `certify` with HSIM, at last `bounds`.
+/// Stages: `operator`, then `sampling`, `basis`, `reduce`, `eigen`, and `hierarchy`, `iterate`, `certify` with HSIM, at
+/// last `bounds`.
 ///
 /// # Errors
 /// [`VibrationError`]: parameters out of range, an object that is no object, a numerical failure, cancellation.

@@ -156,7 +156,8 @@ fn closed_spheres_sound_as_lamb_says() {
     let mesh = generate(Shape::Sphere, 2500).unwrap();
     let found = omegas(&mesh, 0.01, POISSON, 12, Clamps::default());
     let radius = mesh.positions[0].iter().map(|x| x * x).sum::<f64>().sqrt();
-    // (1 − ν²) Ω⁴ − (l (l + 1) + 1 + 3 ν) Ω² + l (l + 1) − 2 = 0; 2 l + 1 modes each. The bending of a shell so thin adds next to nothing.
+    // (1 − ν²) Ω⁴ − (l (l + 1) + 1 + 3 ν) Ω² + l (l + 1) − 2 = 0; 2 l + 1 modes each. The bending of a shell so thin
+    // adds next to nothing.
     let lamb = |l: f64| {
         let (a, b, c) = (1.0 - POISSON * POISSON, l * (l + 1.0) + 1.0 + 3.0 * POISSON, l * (l + 1.0) - 2.0);
         ((b - (b * b - 4.0 * a * c).sqrt()) / (2.0 * a)).sqrt() / radius

@@ -1,10 +1,12 @@
-//! A refinement of approximate modes: inverse iterations on the mesh, each followed by Ritz pairs of what it gives. What stiffens a mode in the space
-//! of local functions, stretching where it should bend, are high modes; an inverse iteration damps them by the ratio of eigenvalues.
+//! A refinement of approximate modes: inverse iterations on the mesh, each followed by Ritz pairs of what it gives.
+//! What stiffens a mode in the space of local functions, stretching where it should bend, are high modes; an inverse
+//! iteration damps them by the ratio of eigenvalues.
 //!
-//! How far a frequency still is from that of the mesh is estimated from its last change. An iteration multiplies what a mode holds of others by
-//! `(λ + σ) / (μ + σ)` at most, where `μ` is the highest value that the columns hold, and so the error of its eigenvalue by the square `ρ` of that:
-//! after a change of `δ` about `δ ρ / (1 − ρ)` is left. The highest guards are far too high themselves, so `μ` is taken from the middle of the
-//! guards. A change does not see what no column holds: eigenvalues are counted for that, in [`super::lacking`].
+//! How far a frequency still is from that of the mesh is estimated from its last change. An iteration multiplies what a
+//! mode holds of others by `(λ + σ) / (μ + σ)` at most, where `μ` is the highest value that the columns hold, and so
+//! the error of its eigenvalue by the square `ρ` of that: after a change of `δ` about `δ ρ / (1 − ρ)` is left. The
+//! highest guards are far too high themselves, so `μ` is taken from the middle of the guards. A change does not see
+//! what no column holds: eigenvalues are counted for that, in [`super::lacking`].
 
 use chladni_algebra::{DenseMatrix, PanelMatrix, SparseMatrix, SymmetricDefiniteSolver, gpu};
 use chladni_base::Quiet;
@@ -23,11 +25,13 @@ pub(super) fn guards(wanted: usize) -> usize {
 /// Random columns beside those of the space: a mode that the space lacks altogether is in them.
 const RANDOM: usize = 8;
 
-/// The fewest and the most iterations where an error has to be reached: what only the random columns hold takes three to show in the values.
+/// The fewest and the most iterations where an error has to be reached: what only the random columns hold takes three
+/// to show in the values.
 const FEWEST_ITERATIONS: usize = 3;
 const MOST_ITERATIONS: usize = 10;
 
-/// An iteration counts as damping an error by this factor at best: what its columns lack altogether, no ratio of their values tells of.
+/// An iteration counts as damping an error by this factor at best: what its columns lack altogether, no ratio of their
+/// values tells of.
 const LEAST_DAMPING: f64 = 0.2;
 
 /// Modes, and how far they may be from those of the mesh.

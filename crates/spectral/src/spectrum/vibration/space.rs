@@ -1,8 +1,8 @@
 //! The scalar space `U` of local functions on the vertices that move.
 //!
-//! It is built on the part of the object around them, so that no function is spent on what is held, and each function is multiplied by an
-//! envelope that vanishes where the object is clamped. What is left of some functions then may depend on the others; such functions are
-//! left out, since no restricted problem could be solved with them.
+//! It is built on the part of the object around them, so that no function is spent on what is held, and each function
+//! is multiplied by an envelope that vanishes where the object is clamped. What is left of some functions then may
+//! depend on the others; such functions are left out, since no restricted problem could be solved with them.
 
 use chladni_algebra::{SparseMatrix, galerkin, independent_columns};
 use chladni_mesh::{TetMesh, TriangleMesh};
@@ -15,8 +15,8 @@ use crate::spectrum::{ApproximationParameters, Space, subspace};
 /// A function that is nearer to the span of the others than this share of its own length is left out.
 const DEPENDENT: f64 = 1e-3;
 
-/// About `dimension` local functions, with coordinates of their patches where `local`, independent of each other; a row for each vertex that
-/// moves; all its hat functions where the object has few vertices.
+/// About `dimension` local functions, with coordinates of their patches where `local`, independent of each other; a row
+/// for each vertex that moves; all its hat functions where the object has few vertices.
 pub(super) fn functions(
     body: ElasticBody<'_>,
     elastic: &ElasticProblem,
@@ -61,7 +61,8 @@ pub(super) fn functions(
     independent(super::frames::enriched(&space, elastic, axes), elastic, monitor)
 }
 
-/// The elements that touch a vertex that moves, with the vertices that these have; and where the vertices that move are among them.
+/// The elements that touch a vertex that moves, with the vertices that these have; and where the vertices that move are
+/// among them.
 fn around<const K: usize>(
     positions: &[[f64; 3]],
     elements: &[[u32; K]],

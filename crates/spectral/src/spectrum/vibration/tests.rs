@@ -328,7 +328,8 @@ fn what_is_no_object_is_refused_by_name() {
     assert_eq!(ask(&none, 0.1, 3, vec![]), "the mesh has no area");
 }
 
-/// Around its twelve vertices of valence five a thin icosphere has modes that no local function holds, within a hundredth of others.
+/// Around its twelve vertices of valence five a thin icosphere has modes that no local function holds, within a
+/// hundredth of others.
 #[test]
 fn estimates_of_thin_closed_shells_are_true_although_the_space_lacks_modes() {
     let mesh = generate(Shape::Sphere, 642).unwrap();

@@ -109,7 +109,8 @@ impl<'a> Iteration<'a> {
         Ok(())
     }
 
-    /// The pending columns, and those that a new direction is coupled to so strongly that leaving them alone would show in a residual.
+    /// The pending columns, and those that a new direction is coupled to so strongly that leaving them alone would show
+    /// in a residual.
     fn active(&self, pending: &[usize], coupling: &DenseMatrix, gram: &DenseMatrix, tolerance: f64) -> Vec<usize> {
         let (pairs, count) = (pending.len(), gram.columns());
         let mut chosen = vec![false; self.values.len()];
