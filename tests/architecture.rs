@@ -146,6 +146,32 @@ fn no_library_room_gives_up() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
+/// As wide as the code is, by rustfmt.toml. A row of a table cannot be broken.
+#[test]
+fn comments_are_no_wider_than_the_code() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let settings = fs::read_to_string(root.join("rustfmt.toml")).expect("the settings are there");
+    let width = settings.lines().find_map(|line| line.strip_prefix("max_width = "));
+    let width: usize = width.expect("the width is set").parse().expect("the width is a number");
+    let mut files = Vec::new();
+    for folder in ["benches", "build", "crates", "examples", "fuzz", "python", "src", "tests"] {
+        collect(&root.join(folder), &mut files);
+    }
+    let mut wrong = Vec::new();
+    for path in files.iter().filter(|path| !path.components().any(|part| part.as_os_str() == "target")) {
+        let text = fs::read_to_string(path).expect("a source file is UTF-8");
+        for (number, line) in text.lines().enumerate() {
+            let comment =
+                line.trim_start().strip_prefix("//").map(|rest| rest.trim_start_matches(['/', '!']).trim_start());
+            if comment.is_some_and(|comment| !comment.starts_with('|')) && line.chars().count() > width {
+                wrong.push(format!("{}: line {}", path.display(), number + 1));
+            }
+        }
+    }
+    assert!(files.len() > 500, "the sources were not found");
+    assert!(wrong.is_empty(), "comments wider than {width} characters:\n{}", wrong.join("\n"));
+}
+
 /// The test itself sees what it is meant to see.
 #[test]
 fn uses_are_found_in_every_spelling() {

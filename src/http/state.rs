@@ -190,8 +190,8 @@ impl AppState {
     /// Reads the keys anew from the file of keys. Requests that run go on as they were admitted.
     ///
     /// # Errors
-    /// [`StateError`]: the file cannot be read, a key is malformed, or a server that had keys would be left without any. The keys stay as
-    /// they were then.
+    /// [`StateError`]: the file cannot be read, a key is malformed, or a server that had keys would be left without
+    /// any. The keys stay as they were then.
     pub fn reload_keys(&self) -> Result<usize, StateError> {
         let keys = configured_keys(&self.config)?;
         if keys.is_empty() && !self.keys().is_empty() {

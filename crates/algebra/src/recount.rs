@@ -24,7 +24,8 @@ use chladni_base::Monitor;
 /// of a shift next to an eigenvalue may be off.
 ///
 /// # Errors
-/// [`FactorError`]: sizes that do not fit, no memory, a factor that takes more of it than `monitor` promises, or a shift on an eigenvalue.
+/// [`FactorError`]: sizes that do not fit, no memory, a factor that takes more of it than `monitor` promises, or a
+/// shift on an eigenvalue.
 pub fn eigenvalues_below(
     a: &SparseMatrix,
     b: &MassMatrix,

@@ -112,7 +112,8 @@ const LEAST_GAP: f64 = 1e-9;
 /// The whole basis is held in double precision: `8 n m` bytes.
 ///
 /// # Errors
-/// [`VerifyError`]: functions that cannot be read, or cancellation. Whatever is wrong with the basis itself is a [`Finding`].
+/// [`VerifyError`]: functions that cannot be read, or cancellation. Whatever is wrong with the basis itself is a
+/// [`Finding`].
 pub fn verify(basis: &Basis, operator: &MeshOperator, monitor: &dyn Monitor) -> Result<Verification, VerifyError> {
     verify_claims(basis, operator, Claims::of(basis), monitor)
 }

@@ -2,8 +2,8 @@
 //! with torch or CuPy is there, cuSOLVER; then a whole approximation of a large mesh:
 //!
 //! ```sh
-//! cargo bench --bench gpu                              # the first card, d = 1000, 2000, 5000, 10000, the lowest half; then
-//!                                                                     # 5,000 pairs of a million vertices
+//! cargo bench --bench gpu                              # the first card, d = 1000, 2000, 5000, 10000, the lowest half;
+//!                                                      # then 5,000 pairs of a million vertices
 //! cargo bench --bench gpu -- --card llvmpipe 300 600   # another card, other sizes, no mesh
 //! cargo bench --bench gpu -- --job 20000 100 300       # another mesh and other sizes
 //! cargo bench --bench gpu -- --all --no-cpu 5000       # all pairs; the CPU is not measured

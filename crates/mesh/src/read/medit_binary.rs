@@ -72,7 +72,10 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
         source.at = match usize::try_from(next) {
             Ok(next) if next >= source.at && next <= bytes.len() => next,
             _ => {
-                return Err(wrong(start, "the next section would begin within this one, or behind the end of the file"));
+                return Err(wrong(
+                    start,
+                    "the next section would begin within this one, or behind the end of the file",
+                ));
             }
         };
     }

@@ -104,8 +104,8 @@ impl HeatGeodesics {
     /// square of its mean edge.
     ///
     /// # Errors
-    /// [`AnalysisError`]: a time that is not above zero, a mesh without area or with corners or coordinates that cannot be, a matrix that cannot be
-    /// factored, cancellation.
+    /// [`AnalysisError`]: a time that is not above zero, a mesh without area or with corners or coordinates that cannot
+    /// be, a matrix that cannot be factored, cancellation.
     pub fn new(mesh: &TriangleMesh, time: Option<f64>, monitor: &dyn Monitor) -> Result<Self, AnalysisError> {
         if let Some(time) = time {
             error::positive("time", time)?;

@@ -97,9 +97,9 @@ pub struct Compared {
 /// Compares shapes.
 ///
 /// # Errors
-/// [`AnalysisError`]: too few shapes or too many, a spectrum with fewer than `count` eigenvalues above its kernel, or none;
-/// [`AnalysisError::NoScale`] names the first shape whose area, or whose first eigenvalue above the kernel, is not
-/// above zero.
+/// [`AnalysisError`]: too few shapes or too many, a spectrum with fewer than `count` eigenvalues above its kernel, or
+/// none; [`AnalysisError::NoScale`] names the first shape whose area, or whose first eigenvalue above the kernel, is
+/// not above zero.
 pub fn compare(spectra: &[Spectrum], how: &Comparison) -> Result<Compared, AnalysisError> {
     error::count("shapes", spectra.len(), 2, MOST_SHAPES)?;
     error::count("dimensions", how.dimensions, 2, 3)?;

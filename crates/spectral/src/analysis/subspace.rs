@@ -52,7 +52,8 @@ pub struct SubspaceComparison {
 /// that follow on each other with a relative gap of at most `gap` are one cluster.
 ///
 /// # Errors
-/// [`AnalysisError`]: more pairs than a basis has, bases on different numbers of vertices, a gap that is no number from 0 on, cancellation.
+/// [`AnalysisError`]: more pairs than a basis has, bases on different numbers of vertices, a gap that is no number from
+/// 0 on, cancellation.
 pub fn compare(
     reference: &Basis,
     other: &Basis,

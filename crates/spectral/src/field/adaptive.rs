@@ -23,7 +23,8 @@ const AVERAGES: usize = 40;
 /// `block` numbers per face.
 ///
 /// # Errors
-/// [`FieldError::Example`]: no field, one of another length, or numbers that are not finite; [`FieldError::Operator`], cancellation.
+/// [`FieldError::Example`]: no field, one of another length, or numbers that are not finite; [`FieldError::Operator`],
+/// cancellation.
 pub fn adaptive_weights(
     surface: &FieldSurface,
     kind: FieldKind,

@@ -325,7 +325,8 @@ impl MeshOperator {
 /// [`assemble_local`](super::points::assemble_local). Announces the stage `operator`.
 ///
 /// # Errors
-/// [`OperatorError`]: parameters out of range, a mesh without area or unknowns, an operator that needs faces where there are none, cancellation.
+/// [`OperatorError`]: parameters out of range, a mesh without area or unknowns, an operator that needs faces where
+/// there are none, cancellation.
 pub fn assemble(
     mesh: &TriangleMesh,
     parameters: &OperatorParameters,

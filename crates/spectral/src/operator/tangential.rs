@@ -26,7 +26,8 @@ impl<const B: usize> FieldOperator<B> {
     /// Assembles the operator of a kind of field that stores `B` numbers in a face.
     ///
     /// # Errors
-    /// [`OperatorError`]: the mesh does not fit its graph or frames, or the kind is out of range or does not store `B` numbers.
+    /// [`OperatorError`]: the mesh does not fit its graph or frames, or the kind is out of range or does not store `B`
+    /// numbers.
     pub fn assemble(
         kind: FieldKind,
         mesh: &TriangleMesh,

@@ -32,7 +32,8 @@ type Vector = [f64; 3];
 /// checked. Announces the stage `operator`.
 ///
 /// # Errors
-/// [`OperatorError`]: a Voronoi mass, a vertex out of range or not finite, a solid without volume or unknowns, cancellation.
+/// [`OperatorError`]: a Voronoi mass, a vertex out of range or not finite, a solid without volume or unknowns,
+/// cancellation.
 pub fn assemble(
     solid: &TetMesh,
     mass: MassKind,

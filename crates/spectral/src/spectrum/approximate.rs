@@ -123,8 +123,8 @@ const FEW_VERTICES_FOR_HEAT: usize = 20;
 /// answer, up to rounding in the dense eigenproblem where the number of threads differs.
 ///
 /// # Errors
-/// [`ApproximationError`]: a mesh without area, radial functions in a solid, more pairs than vertices, a restricted problem that is not definite,
-/// cancellation.
+/// [`ApproximationError`]: a mesh without area, radial functions in a solid, more pairs than vertices, a restricted
+/// problem that is not definite, cancellation.
 pub fn approximate<'a>(
     domain: impl Into<Domain<'a>>,
     operator: &MeshOperator,

@@ -69,8 +69,8 @@ pub struct HodgeSpectrum {
 /// enough.
 ///
 /// # Errors
-/// [`HsimError`]: more fields than there are, pairs that do not converge, cancellation; [`HsimError::Parameter`] for fields that vanish at the boundary,
-/// which fall into no such parts.
+/// [`HsimError`]: more fields than there are, pairs that do not converge, cancellation; [`HsimError::Parameter`] for
+/// fields that vanish at the boundary, which fall into no such parts.
 pub fn hodge_spectrum(
     mesh: &TriangleMesh,
     (dual, frames): (&DualGraph, &FaceFrames),

@@ -183,7 +183,8 @@ impl Exact {
     /// Solves and stores.
     ///
     /// # Errors
-    /// [`JobError`]: pairs that do not converge, stay missing or cannot be proven, a space that does not hold them, cancellation.
+    /// [`JobError`]: pairs that do not converge, stay missing or cannot be proven, a space that does not hold them,
+    /// cancellation.
     pub fn run(
         &self,
         mesh: &TriangleMesh,

@@ -158,8 +158,8 @@ pub struct ElasticProblem {
 /// Assembles stiffness and mass of an elastic object that is held by `clamps`. Announces the stage `operator`.
 ///
 /// # Errors
-/// [`OperatorError`]: a value out of its range, an element that refers to a missing vertex, an object without mass, no vertex left that can
-/// move, cancellation.
+/// [`OperatorError`]: a value out of its range, an element that refers to a missing vertex, an object without mass, no
+/// vertex left that can move, cancellation.
 pub fn assemble(
     body: ElasticBody<'_>,
     material: &Material,

@@ -319,7 +319,8 @@ fn power(number: f64, step: i32) -> f64 {
 /// `certify`, and `repair` where something was missing; before them `count`, where pairs around a shift are wanted.
 ///
 /// # Errors
-/// [`PencilError`]: more pairs than there are, pairs that do not converge, stay missing or cannot be proven, cancellation.
+/// [`PencilError`]: more pairs than there are, pairs that do not converge, stay missing or cannot be proven,
+/// cancellation.
 pub fn solve(pencil: &Pencil, parameters: &Parameters, monitor: &dyn Monitor) -> Result<Pairs, PencilError> {
     let wanted = match parameters.wanted {
         Wanted::Around { shift, count, most } => {
