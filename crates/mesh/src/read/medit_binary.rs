@@ -325,16 +325,12 @@ mod tests {
 
     #[test]
     fn refusals_are_typed_and_placed() {
-        let file = |body: fn(&mut File)| {
-            let mut file = File::new(2, false);
-            body(&mut file);
-            read(&file.bytes, &ReadLimits::default()).map_or_else(|error| error.kind(), |_| "no error")
-        };
         let planar = |file: &mut File| {
             file.section(DIMENSION, |file| file.int(3, 4)).section(VERTICES, |file| file.vertices(1, &CORNERS[..1]));
         };
-        assert_eq!(file(|file| file.bytes[4] = 9), "invalid-header");
-        let cases: [(fn(&mut File), &str); 8] = [
+        type Case = (fn(&mut File), &'static str);
+        let cases: [Case; 9] = [
+            (|file| file.bytes[4] = 9, "invalid-header"),
             (|file| drop(file.section(DIMENSION, |file| file.int(4, 4))), "invalid-header"),
             (|file| drop(file.section(VERTICES, |file| file.vertices(0, &[]))), "missing-section"),
             (|file| drop(file.section(TRIANGLES, |file| file.indices(-1, &[]))), "invalid-count"),
@@ -346,7 +342,7 @@ mod tests {
         ];
         for (number, (body, kind)) in cases.into_iter().enumerate() {
             let mut file = File::new(2, false);
-            if ![0, 1].contains(&number) {
+            if number > 2 {
                 planar(&mut file);
             }
             body(&mut file);
