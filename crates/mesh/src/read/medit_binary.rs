@@ -331,14 +331,14 @@ mod tests {
         type Case = (fn(&mut File), &'static str);
         let cases: [Case; 9] = [
             (|file| file.bytes[4] = 9, "invalid-header"),
-            (|file| drop(file.section(DIMENSION, |file| file.int(4, 4))), "invalid-header"),
-            (|file| drop(file.section(VERTICES, |file| file.vertices(0, &[]))), "missing-section"),
-            (|file| drop(file.section(TRIANGLES, |file| file.indices(-1, &[]))), "invalid-count"),
-            (|file| drop(file.section(TRIANGLES, |file| file.indices(2, &[1, 1, 1, 0]))), "count-exceeds-file"),
-            (|file| drop(file.section(TRIANGLES, |file| file.indices(1, &[0, 1, 1, 0]))), "index-zero"),
-            (|file| drop(file.section(TRIANGLES, |file| file.indices(1, &[1, 1, 2, 0]))), "index-out-of-range"),
-            (|file| drop(file.section(TETRAHEDRA, |file| file.indices(1, &[1, 1, 1, -3, 0]))), "index-out-of-range"),
-            (|file| drop(file.section(VERTICES, |file| file.vertices(0, &[]))), "duplicate-element"),
+            (|file| _ = file.section(DIMENSION, |file| file.int(4, 4)), "invalid-header"),
+            (|file| _ = file.section(VERTICES, |file| file.vertices(0, &[])), "missing-section"),
+            (|file| _ = file.section(TRIANGLES, |file| file.indices(-1, &[])), "invalid-count"),
+            (|file| _ = file.section(TRIANGLES, |file| file.indices(2, &[1, 1, 1, 0])), "count-exceeds-file"),
+            (|file| _ = file.section(TRIANGLES, |file| file.indices(1, &[0, 1, 1, 0])), "index-zero"),
+            (|file| _ = file.section(TRIANGLES, |file| file.indices(1, &[1, 1, 2, 0])), "index-out-of-range"),
+            (|file| _ = file.section(TETRAHEDRA, |file| file.indices(1, &[1, 1, 1, -3, 0])), "index-out-of-range"),
+            (|file| _ = file.section(VERTICES, |file| file.vertices(0, &[])), "duplicate-element"),
         ];
         for (number, (body, kind)) in cases.into_iter().enumerate() {
             let mut file = File::new(2, false);
