@@ -187,6 +187,10 @@ pub enum DefectKind {
     /// Of points without faces: the nearest neighbours of this one fill space, and lie on no surface, or on one that is
     /// folded within their distance.
     OffSurface,
+    /// Of points without faces: this one has a triangle around it that another of its corners does not have. Told where
+    /// more than a percent of all triangles are such, as on limbs as thin as points are apart: eigenvalues may then be
+    /// off by percents.
+    DisputedTriangle,
 }
 
 impl DefectKind {
@@ -198,6 +202,7 @@ impl DefectKind {
             | Self::UnreferencedVertex
             | Self::EqualPosition
             | Self::OffSurface
+            | Self::DisputedTriangle
             | Self::NonManifoldVertex => Element::Vertex,
             Self::IndexOutOfRange
             | Self::RepeatedVertex
@@ -228,6 +233,9 @@ impl fmt::Display for DefectKind {
             Self::TriangleOffBoundary => "triangles that are not on the boundary of the tetrahedra",
             Self::BoundaryNotGiven => "boundary triangles of tetrahedra that the file does not give",
             Self::OffSurface => "points whose neighbours lie on no surface",
+            Self::DisputedTriangle => {
+                "points with triangles that their neighbours do not have: results may be off by percents"
+            }
         })
     }
 }

@@ -9,7 +9,7 @@ use super::{CheckOptions, CheckedMesh, Merge, MeshError};
 use crate::TriangleMesh;
 use crate::connected::Components;
 use crate::numbering::{self, Numbering, nearest_vertices};
-use crate::points::{COVERS, Known, local_triangles};
+use crate::points::{COVERS, Known, MOST_DISPUTED, disputed, local_triangles};
 use crate::read::RawMesh;
 use crate::repair::{DROPPED, equal_positions};
 use crate::report::{DefectKind, FileSize, MeshReport, RepairKind};
@@ -113,6 +113,12 @@ fn settle(
     let mut scattered: Vec<u32> = scattered.iter().map(|&own| order[own as usize]).collect();
     scattered.sort_unstable();
     found.defects.extend(tally(&scattered).into_defect(DefectKind::OffSurface, |v| v));
+    let (disputed, share) = disputed(&local);
+    if share > MOST_DISPUTED {
+        let mut disputed: Vec<u32> = disputed.iter().map(|&own| order[own as usize]).collect();
+        disputed.sort_unstable();
+        found.defects.extend(tally(&disputed).into_defect(DefectKind::DisputedTriangle, |v| v));
+    }
     let mut map = vec![DROPPED; given];
     order.iter().enumerate().for_each(|(own, &point)| map[point as usize] = own as u32);
     if options.merge != Merge::Never {

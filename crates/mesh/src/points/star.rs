@@ -1,11 +1,13 @@
 //! The triangles around a point in the Delaunay triangulation of its neighbours, in the plane that fits them.
 //!
 //! As in the programs of Sharp and Crane: neighbours are walked around by angle, and a triangle is taken where the
-//! circle through its corners holds no other neighbour, or hardly: where four lie on one circle, a triangle too many
-//! does less harm than one too few.
+//! circle through its corners holds no other neighbour, or hardly. Four points that nearly lie on one circle, as those
+//! of a grid do, are then seen by each of them in a plane of its own, and need not agree on the diagonal between them:
+//! two of them have to have it for their own. So which one it is, is asked of the [four points in space](super::quad),
+//! where the answer is the same for all of them.
 
 use super::tree::{Nearest, PointTree};
-use super::{NEIGHBOURS, plane};
+use super::{NEIGHBOURS, plane, quad};
 
 /// Neighbours nearer than this share of the distance of the farthest stand on the point, in the plane, and are moved
 /// away from it.
@@ -32,6 +34,7 @@ pub(super) struct Scratch {
     nearest: Nearest,
     vectors: Vec<[f64; 3]>,
     seen: Vec<Seen>,
+    star: Vec<[usize; 2]>,
 }
 
 impl Scratch {
@@ -58,13 +61,24 @@ impl Scratch {
             at: [dot(x, v), dot(y, v)],
             angle: 0.0,
         }));
-        walk(point, &mut self.seen, found);
+        self.star.clear();
+        walk(&mut self.seen, &mut self.star);
+        settle(positions, point, &self.seen, &mut self.star);
+        let seen = &self.seen;
+        let reach = seen.iter().map(|s| s.at[0] * s.at[0] + s.at[1] * s.at[1]).fold(0.0, f64::max);
+        // A circle that is larger than all of the neighbourhood may hold others beyond it. At a rim that is not convex
+        // such triangles would fill what the surface leaves open.
+        let is_known =
+            |&[a, b]: &[usize; 2]| circle(seen[a].at, seen[b].at).is_some_and(|circle| circle.square <= reach);
+        self.star.retain(is_known);
+        found.extend(self.star.iter().map(|side| side.map(|k| self.seen[k].point)).map(|[a, b]| [point, a, b]));
         off
     }
 }
 
-/// The triangles around a point; `seen` has its neighbours by distance, and is sorted by angle.
-fn walk(point: u32, seen: &mut [Seen], found: &mut Vec<[u32; 3]>) {
+/// The triangles around a point, counter-clockwise, each by the two neighbours at its other corners; `seen` has its
+/// neighbours by distance, and is sorted by angle.
+fn walk(seen: &mut [Seen], star: &mut Vec<[usize; 2]>) {
     let Some(extent) = seen.last().map(|last| last.at[0].hypot(last.at[1])) else { return };
     if !(extent > 0.0 && extent.is_finite()) {
         return;
@@ -86,12 +100,104 @@ fn walk(point: u32, seen: &mut [Seen], found: &mut Vec<[u32; 3]>) {
         });
         match next {
             Some(to) => {
-                found.push([point, a.point, seen[to % count].point]);
+                star.push([from, to % count]);
                 from = to;
             }
             None => from += 1,
         }
     }
+}
+
+/// Rounds in which a star settles: one where four points nearly lie on a circle, more where many do.
+const ROUNDS: usize = 8;
+
+/// Within so many radii of the centre of a circle a neighbour is inside it in anybody's plane, and beyond so many
+/// outside: planes differ by the curvature of the surface.
+const DEEP: f64 = 0.8;
+const NEAR: f64 = 1.25;
+
+/// A circle through the point.
+struct Circle {
+    centre: [f64; 2],
+    /// Its radius, squared.
+    square: f64,
+}
+
+impl Circle {
+    /// The distance of a place from the centre over the radius, squared.
+    fn ratio(&self, at: [f64; 2]) -> f64 {
+        let d = [at[0] - self.centre[0], at[1] - self.centre[1]];
+        (d[0] * d[0] + d[1] * d[1]) / self.square
+    }
+}
+
+/// Gives a star the edges that all four points of a quadrilateral agree on, whichever plane each of them sees it in.
+fn settle(positions: &[[f64; 3]], point: u32, seen: &[Seen], star: &mut Vec<[usize; 2]>) {
+    let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
+    // Whether `q` lies on the other side of the line from `a` to `b`, which the point is on the left of.
+    let beyond = |a: usize, q: usize, b: usize| {
+        let [a, q, b] = [a, q, b].map(|k| seen[k].at);
+        cross([b[0] - a[0], b[1] - a[1]], [q[0] - a[0], q[1] - a[1]]) < 0.0
+    };
+    // Whether the edge to `q` is one rather than that from `a` to `b`.
+    let is_edge = |a: usize, q: usize, b: usize| {
+        let [a, q, b] = [a, q, b].map(|k| seen[k].point);
+        quad::has_first_diagonal(positions, [point, a, q, b])
+    };
+    for _ in 0..ROUNDS {
+        let mut settled = true;
+        let mut side = 0;
+        while side < star.len() {
+            let [a, b] = star[side];
+            match next_outside(seen, a, b).filter(|&q| beyond(a, q, b) && is_edge(a, q, b)) {
+                Some(q) => {
+                    star.splice(side..=side, [[a, q], [q, b]]);
+                    settled = false;
+                    side += 2;
+                }
+                None => side += 1,
+            }
+        }
+        let mut side = 0;
+        while star.len() > 2 && side < star.len() {
+            let next = (side + 1) % star.len();
+            let ([a, q], [also, b]) = (star[side], star[next]);
+            let (at_a, at_b) = (seen[a].at, seen[b].at);
+            let least = SAME_DIRECTION * at_a[0].hypot(at_a[1]) * at_b[0].hypot(at_b[1]);
+            let convex = q == also && cross(at_a, at_b) > least && beyond(a, q, b);
+            let in_question = || circle(at_a, at_b).is_none_or(|circle| circle.ratio(seen[q].at) > DEEP * DEEP);
+            if convex && in_question() && !is_edge(a, q, b) {
+                star[side] = [a, b];
+                star.remove(next);
+                settled = false;
+            } else {
+                side += 1;
+            }
+        }
+        if settled {
+            break;
+        }
+    }
+}
+
+/// The neighbour between two others by angle that lies deepest in the circle through them and the point, or next to it.
+fn next_outside(seen: &[Seen], a: usize, b: usize) -> Option<usize> {
+    let circle = circle(seen[a].at, seen[b].at)?;
+    let end = if b > a { b } else { b + seen.len() };
+    let between = (a + 1..end).map(|k| if k < seen.len() { k } else { k - seen.len() });
+    let deepest = between.map(|k| (circle.ratio(seen[k].at), k)).min_by(|x, y| x.0.total_cmp(&y.0))?;
+    (deepest.0 < NEAR * NEAR).then_some(deepest.1)
+}
+
+/// The circle through the point and two neighbours, the second counter-clockwise of the first.
+fn circle(a: [f64; 2], b: [f64; 2]) -> Option<Circle> {
+    let (aa, bb) = (a[0] * a[0] + a[1] * a[1], b[0] * b[0] + b[1] * b[1]);
+    let cross = a[0] * b[1] - a[1] * b[0];
+    if !(cross > SAME_DIRECTION * (aa * bb).sqrt()) {
+        return None;
+    }
+    let centre = [(aa * b[1] - bb * a[1]) / (2.0 * cross), (bb * a[0] - aa * b[0]) / (2.0 * cross)];
+    Some(Circle { centre, square: centre[0] * centre[0] + centre[1] * centre[1] })
 }
 
 /// Moves neighbours away that stand on the point, in their direction if they have one, each a bit farther than the one
@@ -140,13 +246,8 @@ fn begin(seen: &[Seen]) -> (usize, bool) {
 /// neighbour, or hardly. The one that it was found to hold is asked first the next time: it is inside of most circles
 /// that are not empty.
 fn is_empty(seen: &[Seen], a: [f64; 2], b: [f64; 2], extent: f64, inside: &mut usize) -> bool {
-    let (aa, bb) = (a[0] * a[0] + a[1] * a[1], b[0] * b[0] + b[1] * b[1]);
-    let cross = a[0] * b[1] - a[1] * b[0];
-    if !(cross > SAME_DIRECTION * (aa * bb).sqrt()) {
-        return false;
-    }
-    let centre = [(aa * b[1] - bb * a[1]) / (2.0 * cross), (bb * a[0] - aa * b[0]) / (2.0 * cross)];
-    let radius = (centre[0] * centre[0] + centre[1] * centre[1]).sqrt();
+    let Some(Circle { centre, square }) = circle(a, b) else { return false };
+    let radius = square.sqrt();
     let inner = radius - INSIDE * extent;
     if !(inner > 0.0) {
         return true;
@@ -178,8 +279,9 @@ mod tests {
         by_distance.sort_by(|&a, &b| square(points[a as usize]).total_cmp(&square(points[b as usize])));
         let mut seen: Vec<Seen> =
             by_distance.iter().map(|&k| Seen { point: k, at: points[k as usize], angle: 0.0 }).collect();
-        let mut found = Vec::new();
-        walk(99, &mut seen, &mut found);
+        let mut star = Vec::new();
+        walk(&mut seen, &mut star);
+        let mut found: Vec<[u32; 3]> = star.iter().map(|&[a, b]| [99, seen[a].point, seen[b].point]).collect();
         found.iter_mut().for_each(|face| face[1..].sort_unstable());
         found.sort_unstable();
         found
