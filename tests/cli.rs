@@ -8,6 +8,8 @@ mod collection;
 mod parts;
 #[path = "cli/strictness.rs"]
 mod strictness;
+#[path = "cli/uses.rs"]
+mod uses;
 
 use chladni_mesh::shape::{Shape, generate};
 use chladni_mesh::write::write_ply;

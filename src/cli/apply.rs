@@ -9,76 +9,19 @@ use std::sync::Arc;
 use chladni_algebra::DenseMatrix;
 use chladni_base::Unwatched;
 use chladni_mesh::TriangleMesh;
-use chladni_mesh::attributes::Attributes;
-use chladni_mesh::check::CheckedMesh;
-use chladni_mesh::numbering::{NumberingError, Translation};
 use chladni_mesh::write::{PlyPrecision, SurfaceFormat};
 use chladni_spectral::analysis::filter::{Transfer, filter};
-use chladni_spectral::basis::{Basis, StoredFields};
-use chladni_spectral::formats::npz;
-use chladni_work::design::{DesignFault, DesignRequest, Form, Setting, Surface, written, written_at};
-use chladni_work::distances::DistanceRequest;
-use chladni_work::own_mesh::{StrangeMesh, check_own_mesh};
+use chladni_work::design::{DesignRequest, Form, written, written_at};
+use chladni_work::distances::{DistanceFault, DistanceRequest, Distances, MeshDistances};
+use chladni_work::projection::coordinates;
+use chladni_work::table::Table;
 use serde::de::DeserializeOwned;
 use serde_json::json;
 
 use super::output::TableFormat;
+use super::stored::{OnMesh, Stored};
 use super::work::{OutputFile, json_argument};
-use super::{CliError, MeshInput, NumberingArguments, read_bytes};
-
-/// A stored basis and the mesh that it lives on.
-#[derive(Debug, clap::Args)]
-pub(super) struct Stored {
-    /// NPZ file of the basis, from solve, field, run or the API
-    #[arg(value_name = "BASIS")]
-    basis: PathBuf,
-
-    #[command(flatten)]
-    input: MeshInput,
-
-    #[command(flatten)]
-    numbered: NumberingArguments,
-}
-
-impl Stored {
-    fn read<T>(
-        &self,
-        read: impl FnOnce(&[u8]) -> Result<T, chladni_spectral::formats::FormatError>,
-    ) -> Result<T, CliError> {
-        let (bytes, _) = read_bytes(&self.basis)?;
-        npz::check_sums(&bytes).and_then(|()| read(&bytes)).map_err(|error| CliError::mesh(&self.basis, error))
-    }
-
-    /// The basis of functions on the vertices of the mesh, and the mesh; where the basis is of the inside of a solid,
-    /// with its inner vertices too. And what the file of the mesh has beside.
-    fn functions(&self) -> Result<(Basis, TriangleMesh, Translation, Option<Attributes>), CliError> {
-        let (basis, body) = (self.read(npz::read)?, self.input.load_body()?);
-        let CheckedMesh { mut mesh, numbering, attributes, .. } = body.surface;
-        let to = self.numbered.translation(Arc::new(numbering));
-        check_own_mesh(&basis, &mesh, body.solid.as_ref(), &Unwatched).map_err(|mut strange| {
-            match &mut strange {
-                StrangeMesh::Mass { vertex, .. } => *vertex = to.file_vertex(*vertex as u32) as usize,
-                StrangeMesh::Area { face, .. } => *face = to.file_face(*face as u32) as usize,
-                StrangeMesh::Rows { .. } | StrangeMesh::Operator(_) => {}
-            }
-            CliError::mesh(&self.basis, strange)
-        })?;
-        if let (true, Some(solid)) = (basis.is_of_solid(), body.solid) {
-            mesh.positions = solid.positions;
-        }
-        Ok((basis, mesh, to, attributes))
-    }
-
-    /// The basis of fields on its surface, and how the request numbers vertices and faces.
-    pub(super) fn fields(&self) -> Result<(Setting, Translation), CliError> {
-        let refused = |fault: DesignFault| CliError::Refused(fault.to_string());
-        let fields: StoredFields = self.read(npz::read_fields)?;
-        let checked = self.input.load_body()?.surface;
-        let to = self.numbered.translation(Arc::new(checked.numbering));
-        let surface = Surface::new(&checked.mesh).map_err(refused)?;
-        Ok((Setting::new(Arc::new(fields), Arc::new(surface)).map_err(refused)?, to))
-    }
-}
+use super::{CliError, MeshInput, NumberingArguments, arrays};
 
 /// Compute distances on a surface from a stored eigenbasis, without a server
 #[derive(Debug, clap::Args)]
@@ -90,6 +33,27 @@ pub struct DistancesArguments {
     stored: Stored,
 
     /// The request of POST /v1/bases/{id}/distances as JSON, or @FILE
+    #[arg(long, value_name = "JSON")]
+    request: String,
+
+    /// Write the table to this file, .npy or .csv, instead of printing it as JSON
+    #[arg(long, short = 'o', value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+/// Compute geodesic distances on a mesh, without a basis and without a server
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Example:
+  chladni mesh-distances bunny.ply --request '{\"distance\": {\"kind\": \"geodesic\", \"method\": \"exact\"}, \"sources\": [17]}' -o distances.npy")]
+pub struct MeshDistancesArguments {
+    #[command(flatten)]
+    input: MeshInput,
+
+    #[command(flatten)]
+    numbered: NumberingArguments,
+
+    /// The request of POST /v1/meshes/{id}/distances as JSON, or @FILE
     #[arg(long, value_name = "JSON")]
     request: String,
 
@@ -140,40 +104,84 @@ pub struct DesignArguments {
     output: Option<PathBuf>,
 }
 
-fn form(text: &str) -> Result<Form, String> {
+pub(super) fn form(text: &str) -> Result<Form, String> {
     serde_json::from_value(json!(text)).map_err(|_| "one of world, frames, roots, axes".to_owned())
 }
 
 /// A file of a table, with its format by its ending.
-fn table_file(path: &Path) -> Result<(TableFormat, OutputFile), CliError> {
+pub(super) fn table_file(path: &Path) -> Result<(TableFormat, OutputFile), CliError> {
     Ok((TableFormat::of(path)?, OutputFile::probe(path)?))
+}
+
+/// A file of a table where one is asked for, with its format by its ending.
+pub(super) struct TableOutput(Option<(TableFormat, OutputFile)>);
+
+impl TableOutput {
+    pub fn probe(path: Option<&Path>) -> Result<Self, CliError> {
+        path.map(table_file).transpose().map(Self)
+    }
+
+    /// Whether there is a file.
+    pub fn is_file(&self) -> bool {
+        self.0.is_some()
+    }
+
+    /// Writes a matrix into the file, or prints it as a table of JSON.
+    pub fn matrix(&self, matrix: &DenseMatrix) -> Result<ExitCode, CliError> {
+        self.table(Table::from(matrix))
+    }
+
+    /// Writes a table into the file, or prints it as JSON.
+    pub fn table(&self, table: Table) -> Result<ExitCode, CliError> {
+        match &self.0 {
+            None => print(&table),
+            Some((format, file)) => {
+                file.write(|out| format.write(&table.values, table.columns, out))?;
+                Ok(ExitCode::SUCCESS)
+            }
+        }
+    }
+}
+
+/// The error of a request that does not fit.
+pub(super) fn refused(error: impl std::fmt::Display) -> CliError {
+    CliError::Refused(error.to_string())
 }
 
 /// Runs `chladni distances`.
 pub fn distances(arguments: DistancesArguments) -> Result<ExitCode, CliError> {
     let mut request: DistanceRequest = typed("--request", &arguments.request)?;
-    let output = arguments.output.as_deref().map(table_file).transpose()?;
-    let (basis, mesh, to, _) = arguments.stored.functions()?;
-    let refused = |error: NumberingError| CliError::Refused(error.to_string());
+    let output = TableOutput::probe(arguments.output.as_deref())?;
+    let OnMesh { basis, mesh, to, .. } = arguments.stored.on_vertices()?;
     request.translate(&to, basis.vertices()).map_err(refused)?;
-    let found =
-        request.distances(&basis, Some(&mesh), &Unwatched).map_err(|error| CliError::Refused(error.to_string()))?;
+    let found = request.distances(&basis, Some(&mesh), &Unwatched).map_err(refused)?;
+    tell_slopes(&found);
+    output.matrix(&request.translated(&to, found.table))
+}
+
+/// Runs `chladni mesh-distances`.
+pub fn mesh_distances(arguments: MeshDistancesArguments) -> Result<ExitCode, CliError> {
+    let mut request: DistanceRequest = typed("--request", &arguments.request)?;
+    let output = TableOutput::probe(arguments.output.as_deref())?;
+    request.check().map_err(refused)?;
+    let needs_basis = || refused(DistanceFault::NeedsBasis);
+    let (method, time) = request.on_mesh().ok_or_else(needs_basis)?;
+    let checked = arguments.input.load_body()?.surface;
+    let to = arguments.numbered.translation(Arc::new(checked.numbering));
+    request.translate(&to, checked.mesh.positions.len()).map_err(refused)?;
+    let prepared = MeshDistances::new(&checked.mesh, method, time, &Unwatched).map_err(refused)?;
+    let found = request.geodesics(&prepared.ok_or_else(needs_basis)?, &Unwatched).map_err(refused)?;
+    tell_slopes(&found);
+    output.matrix(&request.translated(&to, found.table))
+}
+
+/// How far distances by heat may be off.
+fn tell_slopes(found: &Distances) {
     if let Some(error) = found.slope_error {
         let percent = 100.0 * error;
         eprintln!(
             "distances by heat: slopes are {percent:.1} % off, distances by about as much or less; the method \"exact\" has no such error"
         );
-    }
-    let table = request.translated(&to, found.table);
-    match output {
-        None => print(&chladni_work::table::Table::from(&table)),
-        Some((format, file)) => {
-            let row = |row: usize| (0..table.columns()).map(move |column| (row, column));
-            let numbers: Vec<f64> =
-                (0..table.rows()).flat_map(row).map(|(row, column)| table.column(column)[row]).collect();
-            file.write(|out| format.write(&numbers, table.columns(), out))?;
-            Ok(ExitCode::SUCCESS)
-        }
     }
 }
 
@@ -182,16 +190,27 @@ pub fn filtered(arguments: FilterArguments) -> Result<ExitCode, CliError> {
     let transfer: Transfer = typed("--transfer", &arguments.transfer)?;
     let format = surface_format(&arguments.output)?;
     let output = OutputFile::probe(&arguments.output)?;
-    let (basis, mut mesh, _, attributes) = arguments.stored.functions()?;
-    let mut coordinates = DenseMatrix::zeros(mesh.positions.len(), 3);
-    for axis in 0..3 {
-        coordinates.column_mut(axis).iter_mut().zip(&mesh.positions).for_each(|(x, position)| *x = position[axis]);
+    let opened = arguments.stored.on_vertices()?;
+    let moved = filter(&opened.basis, &coordinates(opened.positions()), &transfer).map_err(refused)?;
+    write_moved(opened, &moved, format, &output)
+}
+
+/// Writes the mesh of a basis with three functions as the coordinates of its vertices.
+pub(super) fn write_moved(
+    opened: OnMesh,
+    functions: &DenseMatrix,
+    format: SurfaceFormat,
+    output: &OutputFile,
+) -> Result<ExitCode, CliError> {
+    let OnMesh { basis, mut mesh, attributes, .. } = opened;
+    if functions.columns() != 3 {
+        let found = functions.columns();
+        return Err(refused(format!("a surface needs exactly three functions as its coordinates, not {found}")));
     }
-    let moved = filter(&basis, &coordinates, &transfer).map_err(|error| CliError::Refused(error.to_string()))?;
-    let position = |row: usize| std::array::from_fn(|axis| moved.column(axis)[row]);
+    let position = |row: usize| std::array::from_fn(|axis| functions.column(axis)[row]);
     // Of a solid, the vertices of its surface come first; the others would stand there without a face.
     let vertices = mesh.faces.iter().flatten().map(|&vertex| vertex as usize + 1).max().unwrap_or(0);
-    let vertices = if basis.is_of_solid() { vertices } else { moved.rows() };
+    let vertices = if basis.is_of_solid() { vertices } else { functions.rows() };
     mesh.positions.truncate(vertices);
     let positions: Vec<[f64; 3]> = (0..vertices).map(position).collect();
     let attributes = attributes.as_ref().map(|attributes| attributes.moved(&mesh, &positions));
@@ -202,7 +221,7 @@ pub fn filtered(arguments: FilterArguments) -> Result<ExitCode, CliError> {
 }
 
 /// The format of a surface by the ending of its file.
-fn surface_format(path: &Path) -> Result<SurfaceFormat, CliError> {
+pub(super) fn surface_format(path: &Path) -> Result<SurfaceFormat, CliError> {
     match path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase()).as_deref() {
         Some("ply") => Ok(SurfaceFormat::Ply),
         Some("obj") => Ok(SurfaceFormat::Obj),
@@ -216,7 +235,6 @@ fn surface_format(path: &Path) -> Result<SurfaceFormat, CliError> {
 
 /// Runs `chladni design`.
 pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
-    let refused = |fault: DesignFault| CliError::Refused(fault.to_string());
     let mut request: DesignRequest = typed("--request", &arguments.request)?;
     let output = arguments.output.as_deref().map(table_file).transpose()?;
     let (setting, to) = arguments.stored.fields()?;
@@ -261,9 +279,9 @@ pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
     }
 }
 
-/// A typed request from the command line.
+/// A typed request from the command line, with what files of arrays it names.
 pub(super) fn typed<T: DeserializeOwned>(flag: &str, text: &str) -> Result<T, CliError> {
-    fitting(flag, json_argument(flag, text)?)
+    fitting(flag, arrays::filled(json_argument(flag, text)?)?)
 }
 
 /// A typed request from a value.
@@ -271,7 +289,8 @@ pub(super) fn fitting<T: DeserializeOwned>(flag: &str, value: serde_json::Value)
     chladni_work::plain::read_json(&value).map_err(|error| CliError::Usage(format!("{flag}: {error}")))
 }
 
-fn print(value: &impl serde::Serialize) -> Result<ExitCode, CliError> {
+/// Prints one line of JSON.
+pub(super) fn print(value: &impl serde::Serialize) -> Result<ExitCode, CliError> {
     let text = serde_json::to_string(value).map_err(|error| CliError::Service(error.to_string()))?;
     writeln!(std::io::stdout(), "{text}").map_err(CliError::stdout)?;
     Ok(ExitCode::SUCCESS)

@@ -18,6 +18,13 @@ pub struct MeshInput {
     #[arg(value_name = "MESH")]
     pub mesh: PathBuf,
 
+    #[command(flatten)]
+    pub how: MeshOptions,
+}
+
+/// How mesh files are read.
+#[derive(Debug, Clone, Copy, clap::Args)]
+pub struct MeshOptions {
     /// Format of the file, where its name does not tell: obj, ply, off, stl, medit, vtk, gmsh, freesurfer, gltf, gifti,
     /// npz, json
     #[arg(long, value_name = "FORMAT", value_parser = format, help_heading = "Input")]
@@ -43,7 +50,7 @@ impl MeshInput {
     pub fn read(&self) -> Result<RawMesh, CliError> {
         let (bytes, name) = read_bytes(&self.mesh)?;
         let by_name = || name.extension().and_then(|ending| MeshFormat::from_extension(ending.to_str()?));
-        let format = self.format.or_else(by_name).or_else(|| MeshFormat::sniff(&bytes));
+        let format = self.how.format.or_else(by_name).or_else(|| MeshFormat::sniff(&bytes));
         let format = format.ok_or_else(|| {
             CliError::mesh(
                 &self.mesh,
@@ -56,9 +63,9 @@ impl MeshInput {
     /// How the mesh is checked.
     pub fn options(&self) -> CheckOptions {
         CheckOptions {
-            merge: self.merge,
-            surface: self.surface,
-            subdivisions: self.subdivide,
+            merge: self.how.merge,
+            surface: self.how.surface,
+            subdivisions: self.how.subdivide,
             ..CheckOptions::default()
         }
     }

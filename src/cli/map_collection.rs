@@ -18,7 +18,7 @@ use chladni_spectral::formats::npz;
 use chladni_work::JobParameters;
 use serde_json::{Value, json};
 
-use super::input::{format, merge};
+use super::input::{MeshOptions, format, merge};
 use super::work::{OutputFile, given, insert_named, prepared};
 use super::{CliError, MeshInput, NumberingArguments, StageBars, Table, grouped, memory};
 
@@ -169,13 +169,8 @@ impl MapCollectionArguments {
 
     fn solved(&self, path: &Path, job: &JobParameters, bars: &StageBars) -> Result<Solved, CliError> {
         bars.begin("read");
-        let input = MeshInput {
-            mesh: path.to_owned(),
-            format: self.format,
-            merge: self.merge,
-            surface: SurfaceOf::Boundary,
-            subdivide: 0,
-        };
+        let how = MeshOptions { format: self.format, merge: self.merge, surface: SurfaceOf::Boundary, subdivide: 0 };
+        let input = MeshInput { mesh: path.to_owned(), how };
         let body = input.load_body()?;
         let of_file = |error: CliError| CliError::mesh(path, error);
         let (job, size, numbering) = prepared(&body, job, &self.numbered).map_err(of_file)?;

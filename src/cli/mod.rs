@@ -1,6 +1,7 @@
 //! The command line: one file per command.
 
 mod apply;
+mod arrays;
 mod backup;
 mod batch;
 mod check;
@@ -14,14 +15,17 @@ mod doctor;
 mod eigsh;
 mod error;
 mod field;
+mod functions;
 mod input;
 mod join;
 mod map_collection;
 mod memory;
 #[cfg(feature = "cluster")]
 mod migrate;
+mod motion;
 mod output;
 mod pictures;
+mod points;
 mod poison;
 mod private;
 mod progress;
@@ -30,8 +34,11 @@ mod restore;
 mod run;
 mod sample;
 pub mod serve;
+mod shapes;
 mod solve;
+mod stored;
 mod text;
+mod vectors;
 mod verify;
 mod work;
 mod worker;
@@ -82,8 +89,24 @@ enum Command {
     Run(Box<run::RunArguments>),
     Batch(Box<batch::BatchArguments>),
     Distances(apply::DistancesArguments),
+    MeshDistances(apply::MeshDistancesArguments),
+    Signatures(points::SignaturesArguments),
+    SimilarPoints(points::SimilarPointsArguments),
     Filter(apply::FilterArguments),
+    Project(functions::ProjectArguments),
+    Reconstruct(functions::ReconstructArguments),
+    Compress(functions::CompressArguments),
+    Decompress(functions::DecompressArguments),
+    ValueGradient(motion::ValueGradientArguments),
+    Simulate(motion::SimulateArguments),
+    FamilySpectrum(motion::FamilySpectrumArguments),
+    CompareBases(shapes::CompareBasesArguments),
+    CompareShapes(shapes::CompareShapesArguments),
+    FunctionalMap(shapes::FunctionalMapArguments),
     Design(apply::DesignArguments),
+    Eigenfields(vectors::EigenfieldsArguments),
+    VectorTransport(vectors::VectorTransportArguments),
+    HodgeDecomposition(vectors::HodgeDecompositionArguments),
     Hatching(pictures::HatchingArguments),
     Fur(pictures::FurArguments),
     Quads(quads::QuadsArguments),
@@ -136,8 +159,24 @@ pub fn main() -> ExitCode {
         Command::Run(arguments) => run::run(*arguments),
         Command::Batch(arguments) => batch::batch(*arguments),
         Command::Distances(arguments) => apply::distances(arguments),
+        Command::MeshDistances(arguments) => apply::mesh_distances(arguments),
+        Command::Signatures(arguments) => points::signatures(arguments),
+        Command::SimilarPoints(arguments) => points::similar_points(arguments),
         Command::Filter(arguments) => apply::filtered(arguments),
+        Command::Project(arguments) => functions::project(arguments),
+        Command::Reconstruct(arguments) => functions::reconstruct(arguments),
+        Command::Compress(arguments) => functions::compress(arguments),
+        Command::Decompress(arguments) => functions::decompress(arguments),
+        Command::ValueGradient(arguments) => motion::value_gradient(arguments),
+        Command::Simulate(arguments) => motion::simulate(arguments),
+        Command::FamilySpectrum(arguments) => motion::family_spectrum(arguments),
+        Command::CompareBases(arguments) => shapes::compare_bases(arguments),
+        Command::CompareShapes(arguments) => shapes::compare_shapes(arguments),
+        Command::FunctionalMap(arguments) => shapes::functional_map(arguments),
         Command::Design(arguments) => apply::design(arguments),
+        Command::Eigenfields(arguments) => vectors::eigenfields(arguments),
+        Command::VectorTransport(arguments) => vectors::vector_transport(arguments),
+        Command::HodgeDecomposition(arguments) => vectors::hodge_decomposition(arguments),
         Command::Hatching(arguments) => pictures::hatching(arguments),
         Command::Fur(arguments) => pictures::fur(arguments),
         Command::Quads(arguments) => quads::quads(arguments),

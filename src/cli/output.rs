@@ -146,6 +146,14 @@ impl TableNumber for f64 {
     }
 }
 
+impl TableNumber for i32 {
+    const DESCRIPTOR: &str = "<i4";
+
+    fn bytes(self) -> impl Iterator<Item = u8> {
+        self.to_le_bytes().into_iter()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

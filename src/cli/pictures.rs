@@ -7,7 +7,8 @@ use chladni_spectral::operator::transport::FieldKind;
 use chladni_work::design::{DesignFault, FurRequest, HatchingRequest, Setting};
 use serde_json::{Value, json};
 
-use super::apply::{Stored, fitting};
+use super::apply::fitting;
+use super::stored::Stored;
 use super::work::{OutputFile, json_argument};
 use super::{CliError, StageBars};
 

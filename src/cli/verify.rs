@@ -5,7 +5,7 @@ use chladni_mesh::check::{CheckedMesh, RepairKind};
 use chladni_mesh::numbering::{Extension, Translation};
 use chladni_mesh::solid::CheckedBody;
 use chladni_spectral::basis::modal::ModalBasis;
-use chladni_spectral::basis::{Basis, MAP_COLLECTION, PENCIL, ProductKind};
+use chladni_spectral::basis::{Basis, PENCIL, ProductKind};
 use chladni_spectral::formats::npz;
 use chladni_spectral::spectrum::pencil::Matrices;
 use chladni_spectral::verify::{Finding, Verification};
@@ -17,6 +17,7 @@ use chladni_work::verification::{
 use chladni_work::{EigenbasisParameters, MeshSize, VibrationBasisParameters, Work};
 
 use super::eigsh::{mass, matrix, rows};
+use super::stored::kind_of;
 use super::{CliError, MeshInput, StageBars, Table, grouped, number, seconds};
 use serde_json::{Value, json};
 use std::io::Write;
@@ -293,17 +294,6 @@ fn of_the_file(parameters: &impl Work, surface: &CheckedMesh, solid: Option<&Tet
 
 /// What is verified.
 const JUDGED: [ProductKind; 3] = [ProductKind::Eigenbasis, ProductKind::PencilBasis, ProductKind::VibrationBasis];
-
-/// The kind of what a file holds that is not verified.
-fn kind_of(bytes: &[u8]) -> Option<&'static str> {
-    if npz::read_fields(bytes).is_ok() {
-        return Some(ProductKind::FieldBasis.name());
-    }
-    if npz::read_family(bytes).is_ok() {
-        return Some(ProductKind::OperatorFamily.name());
-    }
-    npz::read_maps(bytes).is_ok().then_some(MAP_COLLECTION)
-}
 
 fn read(path: &Path) -> Result<Vec<u8>, CliError> {
     std::fs::read(path).map_err(|error| CliError::file("read", path, error))

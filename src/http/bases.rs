@@ -6,6 +6,7 @@ use axum::Json;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use chladni_spectral::basis::{Basis, ProductKind};
+use chladni_work::numbered::is_of_fields;
 use serde::Deserialize;
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
@@ -91,11 +92,6 @@ pub fn of_fields(id: Uuid) -> Problem {
     )
     .with("kind", "eigenbasis of fields")
     .with("kinds", vec![ProductKind::Eigenbasis.name()])
-}
-
-/// Whether the rows of an eigenbasis are numbers of faces.
-pub fn is_of_fields(basis: &Basis) -> bool {
-    basis.metadata["operator"].get("hodge").is_some()
 }
 
 problems!(ShowBasisProblems: [INVALID_QUERY, UNKNOWN_BASIS]);

@@ -4,10 +4,11 @@ use std::time::Instant;
 
 use axum::body::Body;
 use axum::http::HeaderMap;
-use chladni_spectral::analysis::compression::{compress, decompress};
+use chladni_spectral::analysis::compression::decompress;
+use chladni_work::compression::{CompressionAnswer, CompressionRequest};
 use chladni_work::numbered::push;
-use serde::{Deserialize, Serialize};
-use utoipa::{IntoParams, ToSchema};
+use serde::Deserialize;
+use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
@@ -22,7 +23,7 @@ use super::ids::BasisId;
 use super::numbering::{Numbered, NumberingQuery};
 use super::problem::{self, Problem};
 use super::problems::problems;
-use super::solves::{Functions, Source};
+use super::solves::Source;
 use super::state::AppState;
 use super::surfaces::{SURFACES, Surface};
 
@@ -32,53 +33,6 @@ const MOST_BYTES: u64 = 64 << 20;
 /// The routes of compression.
 pub fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new().routes(routes!(compress_functions)).routes(routes!(decompress_functions))
-}
-
-/// What to compress, and how far.
-#[derive(Debug, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-#[schema(example = json!({"functions": "coordinates", "pairs": 300, "bits": 14}))]
-struct CompressionRequest {
-    /// `coordinates`, or a table with a row for each vertex.
-    #[serde(default = "Functions::coordinates")]
-    functions: Functions,
-    /// How many modes are kept; all by default.
-    pairs: Option<usize>,
-    /// Bits of the largest coefficient, 2 to 30; 14 by default.
-    bits: Option<u32>,
-}
-
-/// Rate and distortion.
-#[derive(Debug, Serialize, ToSchema)]
-#[schema(example = json!({
-    "pairs": 300, "bits": 14, "bytes": 1123, "bits_per_vertex": 0.067, "basis_bytes": 17400000, "basis_from_faces": false, "bits_per_vertex_with_basis": 2871.0, "step": 0.0021, "nonzeros": 812,
-    "relative_errors": [0.004, 0.003, 0.004], "truncation_errors": [0.004, 0.003, 0.004]
-}))]
-struct CompressionAnswer {
-    /// Modes that are kept.
-    pairs: usize,
-    /// Bits of the largest coefficient.
-    bits: u32,
-    /// Bytes of the whole, header included.
-    bytes: usize,
-    /// The same in bits for each vertex, all functions together.
-    bits_per_vertex: f64,
-    /// Bytes that the functions of the basis take as they are stored: who decompresses must have them, whatever the
-    /// number of pairs.
-    basis_bytes: u64,
-    /// Whether whoever has the faces computes the basis anew, so that it need not be sent: it is of the operator
-    /// `graph`.
-    basis_from_faces: bool,
-    /// Bits for each vertex where the basis has to be sent as well, once.
-    bits_per_vertex_with_basis: f64,
-    /// The width of a step of the rounding.
-    step: f64,
-    /// Coefficients that are not zero.
-    nonzeros: usize,
-    /// Of each function, how much is lost in the norm of the mass, relative to how far it is from its mean.
-    relative_errors: Vec<f64>,
-    /// How much of that the modes that are left out would lose alone.
-    truncation_errors: Vec<f64>,
 }
 
 /// What a raw body does not say.
@@ -129,11 +83,14 @@ async fn compress_functions(
     let to = numbered.on_basis(&state, id, &basis.metadata).await?;
     let sent = read::<CompressionRequest>(&state, &headers, content).await?;
     let raw = raw_answer(&headers, matches!(sent, Sent::Raw(_)))?;
-    let (source, pairs, bits) = match sent {
-        Sent::Json(request) => (Source::of(&state, id, request.functions).await?, request.pairs, request.bits),
+    let (source, rate) = match sent {
+        Sent::Json(request) => {
+            let rate = request.rate(&basis);
+            (Source::of(&state, id, request.functions).await?, rate)
+        }
         Sent::Raw(body) => {
             let request: CompressionRequest = exchange::rest(Some(query.request.as_deref().unwrap_or("{}")))?;
-            (Source::Raw(body, query.dtype), request.pairs, request.bits)
+            (Source::Raw(body, query.dtype), request.rate(&basis))
         }
     };
     state
@@ -141,28 +98,12 @@ async fn compress_functions(
             let begin = Instant::now();
             let functions = source.functions(basis.vertices(), &to)?;
             drop(source);
-            let (pairs, bits) = (pairs.unwrap_or(basis.count()), bits.unwrap_or(14));
-            let packed = compress(&basis, &functions, pairs, bits)?;
+            let packed = rate.compress(&basis, &functions)?;
             if raw {
                 let errors: Vec<String> = packed.relative_errors.iter().map(|error| format!("{error:e}")).collect();
                 return Ok(Answer::new(packed.bytes, OCTETS, begin).with("chladni-relative-error", errors.join(", ")));
             }
-            let (bytes, basis_bytes) = (packed.bytes.len(), basis.stored_bytes());
-            let per_vertex = |bytes: f64| 8.0 * bytes / basis.vertices().max(1) as f64;
-            let answer = CompressionAnswer {
-                pairs,
-                bits,
-                bytes,
-                bits_per_vertex: per_vertex(bytes as f64),
-                basis_bytes,
-                basis_from_faces: basis.is_of_graph(),
-                bits_per_vertex_with_basis: per_vertex(bytes as f64 + basis_bytes as f64),
-                step: packed.step,
-                nonzeros: packed.nonzeros,
-                relative_errors: packed.relative_errors,
-                truncation_errors: packed.truncation_errors,
-            };
-            Answer::json(&answer, begin)
+            Answer::json(&rate.told(&basis, packed), begin)
         })
         .await
 }

@@ -5,16 +5,14 @@ use std::time::Instant;
 use axum::body::Body;
 use axum::http::HeaderMap;
 use chladni_algebra::DenseMatrix;
-use chladni_spectral::analysis::family::{Member, spectrum};
-use chladni_work::numbered::push;
-use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
+use chladni_work::family_spectrum::{SpectrumAnswer, SpectrumFault, SpectrumRequest};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::binary::{self, Dtype, Table};
+use super::binary::Dtype;
 use super::body;
 use super::client::ClientState;
+use super::convert::sentence;
 use super::exchange::{self, Answer};
 use super::extract;
 use super::ids::BasisId;
@@ -30,59 +28,6 @@ pub fn routes() -> OpenApiRouter<AppState> {
 
 /// The most bytes of such a request.
 const MOST_BYTES: u64 = 1 << 16;
-
-/// What is wanted of the pairs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-enum SpectrumDetail {
-    /// Eigenvalues alone.
-    #[default]
-    Eigenvalues,
-    /// The coefficients of the eigenfunctions in the space of the family too: a row for each of its functions.
-    Coefficients,
-    /// Eigenfunctions too: a row for each vertex.
-    Modes,
-}
-
-/// An operator of the family.
-#[derive(Debug, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-#[schema(example = json!({"extrinsic": 0.5, "curvature": 0.0, "count": 100, "give": "eigenvalues"}))]
-struct SpectrumRequest {
-    /// `t`, 0 to 1, in `(1 − t) S + t A`.
-    #[serde(default)]
-    extrinsic: f64,
-    /// `v`, 0 to 1e6, in `+ v V`, where the potential is `κ₁² + κ₂²`.
-    #[serde(default)]
-    curvature: f64,
-    /// Pairs, at most the dimension of the family; without it 100, or as many as that dimension where it is less.
-    count: Option<usize>,
-    /// What is wanted of them.
-    #[serde(default)]
-    #[schema(inline)]
-    give: SpectrumDetail,
-    /// With `modes` or `coefficients`: this pair alone, counted from 0, in one column. What shows one function needs no
-    /// others.
-    mode: Option<usize>,
-}
-
-/// Pairs, unless their number is given.
-const COUNT: usize = 100;
-
-/// The lowest pairs of an operator of the family.
-#[derive(Debug, Serialize, ToSchema)]
-#[schema(example = json!({"eigenvalues": [0.0, 1.9, 2.1], "covered": 3, "coefficients": null, "modes": null}))]
-struct SpectrumAnswer {
-    /// Ascending, in 1/length² of the mesh.
-    eigenvalues: Vec<f64>,
-    /// How many of them, from the lowest, the space of the family was made for; those beyond can be many times too
-    /// large. None where `curvature` is above 20, all where the space has every function of the mesh.
-    covered: usize,
-    /// A row for each function of the space, where they were asked for.
-    coefficients: Option<Table>,
-    /// A row for each vertex, where they were asked for; orthonormal for the mass of the mesh.
-    modes: Option<Table>,
-}
 
 problems!(FamilySpectrumProblems: SOLVE BODY JSON [INVALID_SPECTRUM]);
 
@@ -118,47 +63,30 @@ async fn family_spectrum(
     let to = numbered.on_basis(&state, id, &family.metadata).await?;
     let body = body::read(&state, &headers, content, MOST_BYTES).await?;
     let request: SpectrumRequest = exchange::parse(&state, body, exchange::BYTES_PER_NUMBER).await?;
-    if request.mode.is_some() && request.give == SpectrumDetail::Eigenvalues {
-        let detail = "mode: belongs to requests with `give`, \"modes\" or \"coefficients\".";
-        return Err(Problem::new(&problem::INVALID_REQUEST, detail));
-    }
+    request.check()?;
     state
         .solve("spectrum", move |_| {
             let begin = Instant::now();
-            let member = Member { extrinsic: request.extrinsic, curvature: request.curvature };
-            let mut found = spectrum(&family, member, request.count.unwrap_or(COUNT.min(family.dimension())))?;
-            if let Some(mode) = request.mode {
-                if mode >= found.coefficients.columns() {
-                    let detail = format!(
-                        "mode: there is no mode {mode}; {} pairs were requested.",
-                        found.coefficients.columns()
-                    );
-                    return Err(Problem::new(&problem::INVALID_RANGE_OF_MODES, detail));
-                }
-                let column = found.coefficients.column(mode).to_vec();
-                found.coefficients = DenseMatrix::from_columns(column.len(), 1, column);
-            }
-            let matrix = match request.give {
-                SpectrumDetail::Eigenvalues => None,
-                SpectrumDetail::Coefficients => Some(found.coefficients),
-                SpectrumDetail::Modes => Some(push(&to, family.lift(&found.coefficients))),
-            };
+            let found = request.find(&family, &to)?;
             if raw {
                 let listed: Vec<String> = found.eigenvalues.iter().map(|value| format!("{value:.9e}")).collect();
                 let values = DenseMatrix::from_columns(found.eigenvalues.len(), 1, found.eigenvalues);
-                let matrix = matrix.unwrap_or(values);
+                let matrix = found.matrix.unwrap_or(values);
                 let covered = found.covered.to_string();
                 let answer = Answer::raw(&matrix, Dtype::F32, begin);
                 return Ok(answer.with("chladni-eigenvalues", listed.join(" ")).with("chladni-covered", covered));
             }
-            let table = |wanted| matrix.as_ref().filter(|_| request.give == wanted).map(binary::to_table);
-            let answer = SpectrumAnswer {
-                coefficients: table(SpectrumDetail::Coefficients),
-                modes: table(SpectrumDetail::Modes),
-                eigenvalues: found.eigenvalues,
-                covered: found.covered,
-            };
-            Answer::json(&answer, begin)
+            Answer::json(&request.answer(found), begin)
         })
         .await
+}
+
+impl From<SpectrumFault> for Problem {
+    fn from(fault: SpectrumFault) -> Self {
+        match fault {
+            SpectrumFault::ModeOfValues => Self::new(&problem::INVALID_REQUEST, sentence(&fault)),
+            SpectrumFault::Mode { .. } => Self::new(&problem::INVALID_RANGE_OF_MODES, sentence(&fault)),
+            SpectrumFault::Family(error) => error.into(),
+        }
+    }
 }

@@ -10,6 +10,7 @@ use chladni_spectral::analysis::map_collection::{
     CollectionMap, CollectionRequest, MOST_SHAPES, Shape, map_collection,
 };
 use chladni_spectral::basis::CycleErrors;
+use chladni_work::functional_map::Inverse;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 use utoipa_axum::router::OpenApiRouter;
@@ -21,7 +22,6 @@ use super::body;
 use super::client::ClientState;
 use super::exchange::{self, Answer};
 use super::extract;
-use super::maps::{Inverse, translated};
 use super::numbering::{Numbered, NumberingQuery};
 use super::problem::{self, Problem};
 use super::problems::problems;
@@ -98,7 +98,7 @@ impl One {
         matrix: Option<&DenseMatrix>,
         numberings: &[Translation],
     ) -> Self {
-        let Inverse { points, confidences, .. } = translated(points, &numberings[source], &numberings[target]);
+        let Inverse { points, confidences, .. } = Inverse::of(points, &numberings[source], &numberings[target]);
         Self { source, target, points, confidences, disagreement, matrix: matrix.map(binary::to_table) }
     }
 }

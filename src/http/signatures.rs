@@ -5,12 +5,10 @@ use std::time::Instant;
 use axum::body::Body;
 use axum::http::HeaderMap;
 use chladni_algebra::DenseMatrix;
-use chladni_spectral::analysis::AnalysisError;
-use chladni_spectral::analysis::signature::{Signature, nearest_items};
-use chladni_spectral::basis::Basis;
 use chladni_work::numbered::push;
-use serde::{Deserialize, Serialize};
-use utoipa::{IntoParams, ToSchema};
+use chladni_work::signatures::{SignatureRequest, SimilarAnswer, SimilarRequest};
+use serde::Deserialize;
+use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
@@ -25,92 +23,9 @@ use super::problem::{self, Problem};
 use super::problems::problems;
 use super::state::AppState;
 
-/// The most points of a list of similar ones.
-const MOST_SIMILAR: usize = 100_000;
-
 /// The routes of signatures.
 pub fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new().routes(routes!(signatures)).routes(routes!(similar_points))
-}
-
-/// A signature of points.
-#[derive(Debug, Clone, PartialEq, Deserialize, ToSchema)]
-#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
-enum SignatureKind {
-    /// The heat kernel signature, `Σ e^{−λt} φ(x)²` for each time.
-    HeatKernel {
-        /// Times above zero, in length² of the mesh.
-        times: Option<Vec<f64>>,
-        /// Without times, how many, log-spaced in `[4 ln 10 / λ_max, 4 ln 10 / λ_1]`; 16 by default.
-        count: Option<usize>,
-        /// Whether to divide by the trace `Σ e^{−λt}`.
-        #[serde(default)]
-        normalised: bool,
-    },
-    /// The wave kernel signature.
-    WaveKernel {
-        /// How many energies, at least 32; 100 by default.
-        count: Option<usize>,
-    },
-    /// The global point signature, `φ_k(x)/√λ_k`.
-    GlobalPoint {
-        /// How many modes; 20 by default.
-        count: Option<usize>,
-    },
-}
-
-impl SignatureKind {
-    fn signature(self, basis: &Basis) -> Result<Signature, AnalysisError> {
-        Ok(match self {
-            Self::HeatKernel { times: Some(times), normalised, .. } => Signature::HeatKernel { times, normalised },
-            Self::HeatKernel { times: None, count, normalised } => {
-                Signature::heat_kernel(&basis.eigenvalues, count.unwrap_or(16), normalised)?
-            }
-            Self::WaveKernel { count } => Signature::WaveKernel { count: count.unwrap_or(100) },
-            Self::GlobalPoint { count } => Signature::GlobalPoint { count: count.unwrap_or(20) },
-        })
-    }
-}
-
-/// Which signature, and where.
-#[derive(Debug, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-#[schema(example = json!({"signature": {"kind": "heat_kernel", "count": 16}, "vertices": [17, 2930]}))]
-struct SignatureRequest {
-    /// The signature.
-    signature: SignatureKind,
-    /// Vertices; without them, all.
-    vertices: Option<Vec<u32>>,
-}
-
-/// A point, and what makes others similar to it.
-#[derive(Debug, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-#[schema(example = json!({"vertex": 17, "signature": {"kind": "wave_kernel", "count": 100}, "count": 20}))]
-struct SimilarRequest {
-    /// The point.
-    #[serde(default)]
-    vertex: u32,
-    /// By what they are compared.
-    signature: SignatureKind,
-    /// How many points.
-    #[serde(default = "ten")]
-    #[schema(default = 10)]
-    count: usize,
-}
-
-fn ten() -> usize {
-    10
-}
-
-/// Similar points, the most similar first.
-#[derive(Debug, Serialize, ToSchema)]
-#[schema(example = json!({"vertices": [17, 2930], "differences": [0.0, 0.0013]}))]
-struct SimilarAnswer {
-    /// Their numbers; the first is the point itself, or one that cannot be told from it.
-    vertices: Vec<u32>,
-    /// How different their signatures are from that of the point.
-    differences: Vec<f64>,
 }
 
 /// What a raw body does not say.
@@ -164,16 +79,11 @@ async fn signatures(
         Ok(())
     };
     let (mut request, raw) = exchange::request(&state, &headers, body, query.request.as_deref(), fill).await?;
-    request.vertices.iter_mut().try_for_each(|vertices| to.vertices(vertices, basis.vertices()))?;
+    request.translate(&to, basis.vertices())?;
     state
         .solve("signatures", move |_| {
             let begin = Instant::now();
-            let signature = request.signature.signature(&basis)?;
-            let table = match &request.vertices {
-                Some(vertices) => signature.at(&basis, vertices)?,
-                None => push(&to, signature.everywhere(&basis)?),
-            };
-            Answer::table(&table, raw, query.dtype, begin)
+            Answer::table(&request.table(&basis, &to)?, raw, query.dtype, begin)
         })
         .await
 }
@@ -218,32 +128,17 @@ async fn similar_points(
         Ok(())
     };
     let (mut request, raw) = exchange::request(&state, &headers, body, query.request.as_deref(), fill).await?;
-    if !(1..=MOST_SIMILAR).contains(&request.count) {
-        let detail = format!("count: must be between 1 and {MOST_SIMILAR}, not {}.", request.count);
-        return Err(Problem::new(&problem::INVALID_ANALYSIS, detail));
-    }
-    request.vertex = to.vertex(request.vertex.into(), basis.vertices())?;
+    request.check()?;
+    request.translate(&to, basis.vertices())?;
     state
         .solve("similar_points", move |_| {
             let begin = Instant::now();
-            let signature = request.signature.signature(&basis)?;
-            let mut differences = signature.similarity(&basis, request.vertex)?;
             if raw {
+                let differences = request.differences(&basis)?;
                 let table = DenseMatrix::from_columns(differences.len(), 1, differences);
                 return Ok(Answer::raw(&push(&to, table), query.dtype, begin));
             }
-            // What subdivision made is no vertex of the file.
-            let mut told = 0;
-            for (vertex, difference) in differences.iter_mut().enumerate() {
-                match to.is_told(vertex as u32) {
-                    true => told += 1,
-                    false => *difference = f64::INFINITY,
-                }
-            }
-            let vertices = nearest_items(&differences, request.count.min(told));
-            let differences = vertices.iter().map(|&vertex| differences[vertex as usize]).collect();
-            let vertices = vertices.into_iter().map(|vertex| to.file_vertex(vertex)).collect();
-            Answer::json(&SimilarAnswer { vertices, differences }, begin)
+            Answer::json(&request.answer(&basis, &to)?, begin)
         })
         .await
 }

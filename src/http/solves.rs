@@ -8,18 +8,19 @@ use axum::http::HeaderMap;
 use chladni_algebra::DenseMatrix;
 use chladni_mesh::numbering::Translation;
 use chladni_mesh::{TetMesh, TriangleMesh};
-use chladni_spectral::analysis::filter::{Transfer, filter};
+use chladni_spectral::analysis::filter::filter;
 use chladni_spectral::analysis::projection::project;
 use chladni_spectral::basis::Basis;
-use chladni_work::numbered::push;
-use chladni_work::word_or;
-use serde::{Deserialize, Serialize};
-use utoipa::{IntoParams, ToSchema};
+use chladni_work::numbered::{in_basis, push};
+use chladni_work::projection::{
+    FilterRequest, Functions, Named, ProjectAnswer, ProjectRequest, coordinates, reconstruct as reconstructed,
+};
+use serde::Deserialize;
+use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 use uuid::Uuid;
 
-use super::bases::is_of_fields;
 use super::binary::{self, Dtype, Table};
 use super::body::WholeBody;
 use super::client::ClientState;
@@ -38,38 +39,6 @@ pub fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(filter_functions))
         .routes(routes!(project_functions))
         .routes(routes!(reconstruct))
-}
-
-/// Functions on the vertices.
-#[derive(Debug, ToSchema)]
-#[serde(untagged)]
-pub enum Functions {
-    /// `coordinates`: x, y and z of the vertices.
-    Named(Named),
-    /// One row for each vertex.
-    Values(Table),
-}
-
-word_or!(
-    Functions,
-    "the word \"coordinates\" or a table {\"columns\": k, \"values\": […]}",
-    Named(Named),
-    object Values
-);
-
-impl Functions {
-    /// x, y and z of the vertices.
-    pub fn coordinates() -> Self {
-        Self::Named(Named::Coordinates)
-    }
-}
-
-/// Functions that the server knows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Named {
-    /// x, y and z of the vertices.
-    Coordinates,
 }
 
 /// What is done with a raw body.
@@ -91,51 +60,6 @@ struct RawQuery {
     reconstruct: Option<bool>,
     /// Onto how many modes functions are projected, for a raw body; all by default.
     pairs: Option<usize>,
-}
-
-/// What to filter, and how.
-#[derive(Debug, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-#[schema(example = json!({"functions": "coordinates", "transfer": {"kind": "low_pass", "cutoff": 250.0}}))]
-struct FilterRequest {
-    /// `coordinates`, or a table with a row for each vertex.
-    functions: Functions,
-    /// By what each part is multiplied, as a function of its eigenvalue λ (1/length² of the mesh).
-    transfer: Transfer,
-}
-
-/// What to project.
-#[derive(Debug, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-#[schema(example = json!({"functions": {"columns": 1, "values": [0.5, 0.25, 0.125]}, "reconstruct": false}))]
-struct ProjectRequest {
-    /// `coordinates`, or a table with a row for each vertex.
-    functions: Functions,
-    /// Whether to give the projected functions beside the coefficients.
-    #[serde(default)]
-    reconstruct: bool,
-    /// Onto how many modes, the lowest; all by default.
-    pairs: Option<usize>,
-}
-
-/// Projected functions.
-#[derive(Debug, Serialize, ToSchema)]
-#[schema(example = json!({"coefficients": {"columns": 1, "values": [0.49, 0.01, -0.02]}, "relative_errors": [0.08], "reconstruction": null}))]
-struct ProjectAnswer {
-    /// A row for each eigenfunction.
-    coefficients: Table,
-    /// For each function the M-norm of what the basis does not hold, relative to the whole.
-    relative_errors: Vec<f64>,
-    /// A row for each vertex, where it was asked for.
-    reconstruction: Option<Table>,
-}
-
-fn coordinates(positions: &[[f64; 3]]) -> DenseMatrix {
-    let mut matrix = DenseMatrix::zeros(positions.len(), 3);
-    for axis in 0..3 {
-        matrix.column_mut(axis).iter_mut().zip(positions).for_each(|(x, position)| *x = position[axis]);
-    }
-    matrix
 }
 
 /// Where the functions of a request come from.
@@ -274,7 +198,7 @@ pub async fn translation(
     basis: &Basis,
 ) -> Result<Translation, Problem> {
     let to = numbered.on_basis(state, id, &basis.metadata).await?;
-    Ok(if is_of_fields(basis) { to.in_frames(2) } else { to })
+    Ok(in_basis(to, basis))
 }
 
 async fn load(state: &ClientState, id: Uuid) -> Result<Arc<Basis>, Problem> {
@@ -332,20 +256,15 @@ async fn project_functions(
             if let Some(surface) = surface {
                 return surface.moved(basis.is_of_solid(), &projection.reconstruction, begin);
             }
-            if whole {
-                projection.reconstruction = push(&to, projection.reconstruction);
-            }
             if media_type == OCTETS {
+                if whole {
+                    projection.reconstruction = push(&to, projection.reconstruction);
+                }
                 let errors: Vec<String> = projection.relative_errors.iter().map(|error| format!("{error:e}")).collect();
                 let wanted = if whole { &projection.reconstruction } else { &projection.coefficients };
                 return Ok(Answer::raw(wanted, query.dtype, begin).with("chladni-relative-error", errors.join(", ")));
             }
-            let answer = ProjectAnswer {
-                coefficients: binary::to_table(&projection.coefficients),
-                relative_errors: projection.relative_errors,
-                reconstruction: whole.then(|| binary::to_table(&projection.reconstruction)),
-            };
-            Answer::json(&answer, begin)
+            Answer::json(&ProjectAnswer::new(projection, whole, &to), begin)
         })
         .await
 }
@@ -396,7 +315,7 @@ async fn reconstruct(
             let begin = Instant::now();
             let coefficients = source.matrix(basis.count())?;
             drop(source);
-            Answer::table(&push(&to, basis.evaluate(&coefficients)?), raw, query.dtype, begin)
+            Answer::table(&reconstructed(&basis, &coefficients, &to)?, raw, query.dtype, begin)
         })
         .await
 }

@@ -5,9 +5,9 @@ use std::time::Instant;
 use axum::body::Body;
 use axum::http::HeaderMap;
 use chladni_work::MeshSize;
-use chladni_work::value_gradient::{GradientFault, gradient, gradient_bytes};
+use chladni_work::value_gradient::{GradientFault, ValueGradientRequest, gradient, gradient_bytes};
 use serde::Deserialize;
-use utoipa::{IntoParams, ToSchema};
+use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
@@ -27,17 +27,6 @@ use super::state::AppState;
 /// The route of gradients.
 pub fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new().routes(routes!(value_gradient))
-}
-
-/// Which function of the eigenvalues.
-#[derive(Debug, Default, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-#[schema(example = json!({"weights": [0.0, 1.0, 0.5]}))]
-struct ValueGradientRequest {
-    /// What each eigenvalue counts, from the first on: the derivatives of a loss by the eigenvalues. Those beyond the
-    /// last do not count.
-    #[serde(default)]
-    weights: Vec<f64>,
 }
 
 /// The form of the answer.

@@ -4,13 +4,17 @@
 //! A further kind is a file with its parameters, which implement [`Work`], a variant of [`JobParameters`] and a line in
 //! each of [`KINDS`], [`JobParameters::parse`] and `JobParameters::work`.
 
+pub mod basis_comparison;
 mod choice;
+pub mod compression;
 #[macro_use]
 mod stopped;
 pub mod design;
 pub mod distances;
 mod eigenbasis;
+pub mod family_spectrum;
 mod field_basis;
+pub mod functional_map;
 mod idle;
 mod map_collection;
 pub mod mappable;
@@ -20,9 +24,12 @@ pub mod own_mesh;
 pub mod packed;
 mod pencil_basis;
 pub mod plain;
+pub mod projection;
 mod provenance;
 #[cfg(feature = "schema")]
 pub mod schema;
+pub mod shape_comparison;
+pub mod signatures;
 pub mod simulate;
 pub mod table;
 pub mod value_gradient;

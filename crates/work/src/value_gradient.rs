@@ -15,6 +15,18 @@ use serde::Deserialize;
 use crate::verification::problem_of;
 use crate::{JobError, MeshSize, ParameterError, Provenance, ProvenanceError};
 
+/// Which function of the eigenvalues.
+#[derive(Debug, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "schema", schema(example = json!({"weights": [0.0, 1.0, 0.5]})))]
+pub struct ValueGradientRequest {
+    /// What each eigenvalue counts, from the first on: the derivatives of a loss by the eigenvalues. Those beyond the
+    /// last do not count.
+    #[serde(default)]
+    pub weights: Vec<f64>,
+}
+
 /// Why there is no gradient.
 #[derive(Debug, thiserror::Error)]
 pub enum GradientFault {

@@ -26,6 +26,7 @@ use serde_json::{Value, json};
 use self::claims::Claims;
 use self::memory::Promises;
 use self::progress::{Lines, Outcome};
+use super::input::MeshOptions;
 use super::work::{OutputFile, insert_named, prepared};
 use super::{CliError, MeshInput, NumberingArguments, seconds};
 
@@ -156,7 +157,8 @@ impl BatchArguments {
 
     fn input(&self, mesh: &Path) -> MeshInput {
         let CheckOptions { surface, .. } = CheckOptions::default();
-        MeshInput { mesh: mesh.to_owned(), format: None, merge: self.merge, surface, subdivide: 0 }
+        let how = MeshOptions { format: None, merge: self.merge, surface, subdivide: 0 };
+        MeshInput { mesh: mesh.to_owned(), how }
     }
 }
 

@@ -5,9 +5,9 @@ use std::time::Instant;
 
 use axum::http::HeaderMap;
 use chladni_base::Monitor;
-use chladni_spectral::field::{EigenfieldGoal, FullSpace, LowestFields, RefineError};
+use chladni_spectral::field::{FullSpace, LowestFields};
 use chladni_spectral::formats::npz;
-use chladni_work::design::{Form, written as written_as};
+use chladni_work::design::{Eigenfield, EigenfieldFault, Eigenfields, Form, MOST_REFINED, written as written_as};
 use serde::Deserialize;
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
@@ -18,6 +18,7 @@ use super::patience::{self, Patience};
 use super::solve::{self, LoadedBasis};
 use crate::http::body;
 use crate::http::client::ClientState;
+use crate::http::convert::sentence;
 use crate::http::docs::Binary;
 use crate::http::exchange::{Answer, OCTETS};
 use crate::http::extract::{self, QueryOf};
@@ -37,9 +38,6 @@ const NPY: &str = "application/x-npy";
 
 /// The most bytes of one answer.
 const MOST_BYTES: usize = 256 << 20;
-
-/// The most fields that one request refines, those below the first included.
-const MOST_REFINED: usize = 256;
 
 /// Which fields, and how to write them.
 #[derive(Debug, Deserialize, IntoParams)]
@@ -97,17 +95,14 @@ async fn eigenfields(
     let model = loaded.model();
     let via = numbered.on_basis(&state, id, &loaded.fields.metadata).await?;
     let (kind, form, faces) = (loaded.kind(), query.form, via.faces(loaded.surface.surface.faces()));
-    let (from, to) = (query.from, query.to.unwrap_or(query.from.saturating_add(1)));
     let count = model.dimension();
+    let wanted = Eigenfields::new(query.from, query.to, count)?;
     let refused = |detail: String| Err(Problem::new(&problem::INVALID_RANGE_OF_MODES, detail).with("count", count));
-    if from >= to || to > count {
-        return refused(format!("Fields {from}..{to} were requested, but the basis has {count}."));
-    }
     let one = 4 * form.columns(kind) * faces;
-    if (to - from).saturating_mul(one) > MOST_BYTES {
+    if wanted.count().saturating_mul(one) > MOST_BYTES {
         return refused(format!(
             "{} fields of {one} bytes exceed the limit of one response; ask for fewer.",
-            to - from
+            wanted.count()
         ));
     }
     let area = loaded.fields.basis.area;
@@ -115,75 +110,72 @@ async fn eigenfields(
         let written = written_as(loaded.surface.surface.frames(), kind, form, field);
         bytes.extend_from_slice(&octets::to_bytes(via.push_faces(&written, form.columns(kind))));
     };
-    let head =
-        move || if npy { npz::npy("<f4", false, &[to - from, faces, form.columns(kind)], &[]) } else { Vec::new() };
-    let answer = move |bytes: Vec<u8>, values: &mut dyn Iterator<Item = f64>| {
-        let answer = Answer::new(bytes, if npy { NPY } else { OCTETS }, begin)
+    let refined = match query.refine {
+        None => None,
+        Some(tolerance) => Some((whole(&state, &loaded, &wanted, tolerance).await?, tolerance)),
+    };
+    let give = move |monitor: &dyn Monitor| {
+        let mut bytes =
+            if npy { npz::npy("<f4", false, &[wanted.count(), faces, form.columns(kind)], &[]) } else { Vec::new() };
+        bytes.reserve_exact(wanted.count() * one);
+        let (mut values, mut above) = (Vec::new(), Vec::new());
+        let take = |own: Eigenfield| {
+            values.push(own.value);
+            above.extend(own.above);
+            written(&loaded, &mut bytes, own.field);
+        };
+        match &refined {
+            None => wanted.each(&loaded, None, monitor, take)?,
+            Some(((full, _memory), tolerance)) => {
+                let instead = "Ask for fewer, or for a larger tolerance.";
+                let too_long =
+                    patience::too_long("refine", patience::USUAL, "The eigenfields were not corrected", instead);
+                let patient = Patience::new(patience::USUAL, monitor);
+                wanted.each(&loaded, Some((full, *tolerance)), &patient, take).map_err(too_long)?;
+            }
+        }
+        if values.len() < wanted.count() {
+            return Err(Problem::internal("eigenfields of a basis that depend on each other"));
+        }
+        let mut answer = Answer::new(bytes, if npy { NPY } else { OCTETS }, begin)
             .with("chladni-rows", faces)
             .with("chladni-columns", form.columns(kind))
             .with("chladni-dtype", "f32")
             .with("chladni-form", form.name());
         // Clients have limits on headers.
-        if to - from <= MOST_REFINED { answer.with("chladni-eigenvalues", listed(values, area)) } else { answer }
-    };
-    let Some(tolerance) = query.refine else {
-        let lift = move |monitor: &dyn Monitor| {
-            let mut bytes = head();
-            bytes.reserve_exact((to - from) * one);
-            for k in from..to {
-                monitor.checkpoint()?;
-                let field = loaded.lift(&model.eigenfield(k))?;
-                written(&loaded, &mut bytes, field);
-            }
-            Ok(answer(bytes, &mut model.values()[from..to].iter().copied()))
-        };
-        return state.solve("eigenfields", lift).await;
-    };
-    let (full, together, memory) = whole(&state, &loaded, (to, count), tolerance).await?;
-    let correct = move |monitor: &dyn Monitor| {
-        let _memory = memory;
-        let lifted = |k: usize| Ok(loaded.lift(&model.eigenfield(k))?.into_iter().map(f64::from).collect());
-        let start = (0..together).map(lifted).collect::<Result<Vec<Vec<f64>>, Problem>>()?;
-        let instead = "Ask for fewer, or for a larger tolerance.";
-        let too_long = patience::too_long("refine", patience::USUAL, "The eigenfields were not corrected", instead);
-        let patient = Patience::new(patience::USUAL, monitor);
-        let found = full.eigenfields(start, to, EigenfieldGoal::Tolerance(tolerance), &patient);
-        let found = found.map_err(|error| too_long(error.into()))?;
-        if !found.reached {
-            return Err(RefineError::NotConverged { tolerance }.into());
+        if wanted.count() <= MOST_REFINED {
+            answer = answer.with("chladni-eigenvalues", listed(&values, area));
         }
-        let mut bytes = head();
-        bytes.reserve_exact((to - from) * one);
-        let lacking = || Problem::internal("eigenfields of a basis that depend on each other");
-        let own = found.fields.get(from..to).ok_or_else(lacking)?;
-        for one in own {
-            written(&loaded, &mut bytes, one.field.iter().map(|&x| x as f32).collect());
-        }
-        Ok(answer(bytes, &mut own.iter().map(|own| own.value))
-            .with("chladni-estimates", listed(&mut own.iter().map(|own| own.left), area)))
+        Ok(if refined.is_some() { answer.with("chladni-estimates", listed(&above, area)) } else { answer })
     };
-    state.solve("eigenfields", correct).await
+    state.solve("eigenfields", give).await
 }
 
 /// Values on unit area in 1/length² of the mesh, as a header has them.
-fn listed(values: &mut dyn Iterator<Item = f64>, area: f64) -> String {
-    values.map(|value| (value / area).to_string()).collect::<Vec<_>>().join(", ")
+fn listed(values: &[f64], area: f64) -> String {
+    values.iter().map(|value| (value / area).to_string()).collect::<Vec<_>>().join(", ")
 }
 
-/// All fields of the surface, how many fields are corrected together, and the memory that they take.
+/// All fields of the surface, and the memory that correcting some takes.
 async fn whole(
     state: &ClientState,
     loaded: &LoadedBasis,
-    (to, count): (usize, usize),
+    wanted: &Eigenfields,
     tolerance: f64,
-) -> Result<(Arc<FullSpace>, usize, Share), Problem> {
-    FullSpace::check_tolerance(tolerance)?;
-    if to > MOST_REFINED {
-        let detail = format!("Fields up to {to} were requested; the lowest {MOST_REFINED} can be refined.");
-        return Err(Problem::new(&problem::INVALID_RANGE_OF_MODES, detail).with("count", count));
-    }
-    let together = LowestFields::together(to, count);
+) -> Result<(Arc<FullSpace>, Share), Problem> {
+    wanted.check_refined(tolerance)?;
     let mut memory = state.memory();
-    body::reserve(&mut memory, LowestFields::bytes(together, loaded.fields.rows()))?;
-    Ok((solve::full_space(state, loaded).await?, together, memory))
+    body::reserve(&mut memory, LowestFields::bytes(wanted.together(), loaded.fields.rows()))?;
+    Ok((solve::full_space(state, loaded).await?, memory))
+}
+
+impl From<EigenfieldFault> for Problem {
+    fn from(fault: EigenfieldFault) -> Self {
+        match fault {
+            EigenfieldFault::Range { count, .. } | EigenfieldFault::Refined { count, .. } => {
+                Self::new(&problem::INVALID_RANGE_OF_MODES, sentence(&fault)).with("count", count)
+            }
+            EigenfieldFault::Design(fault) => fault.into(),
+        }
+    }
 }

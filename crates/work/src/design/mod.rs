@@ -14,10 +14,12 @@
 //! | `transport` | vectors that are carried over a surface |
 //! | `quads` | cross fields that follow creases, and parametrisations along them |
 //! | `decomposition` | the Hodge decomposition of a field that is given |
+//! | `eigenfields` | the lowest fields of the space |
 //! | `fault` | why not |
 
 mod camera;
 mod decomposition;
+mod eigenfields;
 mod faces;
 mod fault;
 mod forms;
@@ -33,6 +35,7 @@ mod transport;
 
 pub use camera::CameraRequest;
 pub use decomposition::{DecompositionAnswer, DecompositionRequest};
+pub use eigenfields::{Eigenfield, EigenfieldFault, Eigenfields, MOST_REFINED};
 pub use faces::{FaceSample, FacesRequest, MOST_SAMPLED};
 pub use fault::DesignFault;
 pub use forms::{Form, written, written_at};
