@@ -120,7 +120,7 @@ def test_two_components_have_two_zeros_and_stages_take_time(sphere):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"k": 0}, "^k is 0, where at least 1 is due"),
+        ({"k": 0}, "^k must be at least 1, got 0"),
         ({"k": 10_000}, "count"),
         ({"method": "magic"}, "method is 'magic'"),
         ({"tol": 1e-30}, "tolerance"),
@@ -149,7 +149,7 @@ def test_counts_that_are_no_whole_numbers_are_refused(sphere, k, call):
         "eigsh": lambda: chladni.eigsh(scipy.sparse.eye(5), k=k),
         "vibration": lambda: chladni.vibration(sphere, k=k, thickness=0.01),
     }
-    with pytest.raises(chladni.ParameterError, match="^k is .*, where a whole number is due"):
+    with pytest.raises(chladni.ParameterError, match="^k must be a whole number, got "):
         calls[call]()
 
 

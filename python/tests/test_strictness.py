@@ -15,7 +15,7 @@ def test_a_basis_is_not_taken_for_one_of_another_mesh(tmp_path):
     for same in (vertices, vertices.astype(np.float32), vertices[:, [1, 2, 0]] + 3):
         assert chladni.Basis.load(tmp_path / "knot.npz", chladni.Mesh(same, faces)).shape == (n, 8)
     for other in (chladni.Mesh(1.5 * vertices, faces), chladni.Mesh(vertices[::-1], n - 1 - faces)):
-        with pytest.raises(chladni.ParameterError, match="of another mesh: vertex 0 has the mass"):
+        with pytest.raises(chladni.ParameterError, match="does not belong to this mesh: vertex 0 has the mass"):
             chladni.Basis.load(tmp_path / "knot.npz", other)
 
 

@@ -15,7 +15,7 @@ use chladni_mesh::numbering::{NumberingError, Translation};
 use chladni_mesh::write::{PlyPrecision, SurfaceFormat};
 use chladni_spectral::analysis::filter::{Transfer, filter};
 use chladni_spectral::basis::{Basis, StoredFields};
-use chladni_spectral::formats::npz;
+use chladni_spectral::formats::{FormatError, npz};
 use chladni_work::design::{DesignFault, DesignRequest, Form, Setting, Surface, written, written_at};
 use chladni_work::distances::DistanceRequest;
 use chladni_work::own_mesh::{StrangeMesh, check_own_mesh};
@@ -41,12 +41,15 @@ pub(super) struct Stored {
 }
 
 impl Stored {
-    fn read<T>(
-        &self,
-        read: impl FnOnce(&[u8]) -> Result<T, chladni_spectral::formats::FormatError>,
-    ) -> Result<T, CliError> {
+    fn read<T>(&self, read: impl FnOnce(&[u8]) -> Result<T, FormatError>) -> Result<T, CliError> {
         let (bytes, _) = read_bytes(&self.basis)?;
-        npz::check_sums(&bytes).and_then(|()| read(&bytes)).map_err(|error| CliError::mesh(&self.basis, error))
+        npz::check_sums(&bytes).and_then(|()| read(&bytes)).map_err(|error| match error {
+            FormatError::Other { found, expected } => {
+                let path = self.basis.display();
+                CliError::Refused(format!("{path} holds {found}; this command needs {expected}"))
+            }
+            error => CliError::mesh(&self.basis, error),
+        })
     }
 
     /// The basis of functions on the vertices of the mesh, and the mesh; where the basis is of the inside of a solid,

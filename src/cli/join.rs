@@ -94,7 +94,7 @@ impl Sorted {
         }
         let none = || CliError::Usage("no parts are given".to_owned());
         let (plan, about, path) = first.ok_or_else(none)?;
-        let damaged = || CliError::mesh(path, "this is no part of an eigenbasis");
+        let damaged = || CliError::mesh(path, "not a part written by solve --part");
         let parts = NonZeroUsize::new(plan.parts).ok_or_else(damaged)?;
         if let Some(number) = (0..plan.parts).find(|number| !files.contains_key(number)) {
             return Err(refused(PartError::Missing { number: number + 1, parts: plan.parts }));
@@ -114,7 +114,10 @@ fn head(path: &Path) -> Result<(PartPlan, usize, Value), CliError> {
     let file = std::fs::File::open(path).map_err(|error| CliError::file("read", path, error))?;
     npz::read_part_head(BufReader::new(file)).map_err(|error| match error {
         FormatError::Write(error) => CliError::file("read", path, error),
-        error => CliError::mesh(path, format!("this is no part of an eigenbasis: {error}")),
+        FormatError::Other { found, .. } => {
+            CliError::Refused(format!("{} is {found}, not a part written by solve --part", path.display()))
+        }
+        error => CliError::mesh(path, format!("not a part written by solve --part: {error}")),
     })
 }
 

@@ -295,9 +295,9 @@ fn table(found: &MapCollection, solved: &[Solved], names: &[String], folder: &Pa
     let around = found
         .cycles
         .triples
-        .map_or(String::new(), |triples| format!(", around over two other shapes {:.2} %", 100.0 * triples));
+        .map_or(String::new(), |triples| format!("; through two other shapes {:.2} %", 100.0 * triples));
     format!(
-        "{rows}\nthere and back {:.2} % of the root of the area{around}, in the mean\n{} maps written to {}\n",
+        "{rows}\nmean round-trip error: {:.2} % of sqrt(area){around}\n{} maps written to {}\n",
         100.0 * found.cycles.pairs,
         grouped(found.maps.len()),
         folder.display()

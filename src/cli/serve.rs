@@ -32,7 +32,7 @@ pub fn serve(config: Config) -> Result<ExitCode, CliError> {
         if !running.store.is_shared()
             && let Err(error) = super::crash_mark::install(&running.store.crash_mark())
         {
-            tracing::warn!(%error, "a crash would not be told from a kill");
+            tracing::warn!(%error, "crash detection is unavailable");
         }
         // One line for scripts, which may have asked for a free port; everything else goes to the log.
         writeln!(io::stdout(), "listening on {}", running.url()).map_err(CliError::stdout)?;
@@ -150,7 +150,7 @@ pub async fn start_on(listener: TcpListener, mut config: Config) -> Result<Runni
 fn check(config: &Config) -> Result<(), CliError> {
     config.validate()?;
     match config.kinds.iter().find(|kind| ProductKind::of_name(kind).is_none()) {
-        Some(kind) => Err(CliError::Usage(format!("--kinds: {kind:?} is no kind of job"))),
+        Some(kind) => Err(CliError::Usage(format!("--kinds: {kind:?} is not a kind of job"))),
         None => Ok(()),
     }
 }

@@ -92,7 +92,7 @@ kinds! {
         "`from` must be less than `to`, and `to` at most the number of eigenfunctions of the basis.";
     INVALID_DESIGN = "invalid-design", 422, "The field cannot be designed",
         "The type goes on with what is wrong, as in invalid-design/face. The detail names the stroke, the constraint or the face.\n\n`face` (it is not there, or none is named), `direction` (zero, or perpendicular to its face), `value` (a stroke has no value, or one of another kind of field), `points` (a line that is no line), `contradiction` (hard constraints want different values on one face), `dependent` (the space cannot meet them all), `weight`, `no-energy` (nothing says what the field is between constraints), `no-data` (there is neither a constraint nor an alignment), `alignment`, `singularities` (they are not inside the surface, or their indices do not add up to the Euler characteristic), `constraints` (too many), `dimension` (the space is too large to design in), `fur`, `hatching`, `camera`, `light` (of a picture), `coefficients`, `eigenfield`, `refine` (a tolerance that is out of range, a design that stands for no field of least energy, or one that takes longer than a request may), `error`, `reach` (no heat arrives at a face), `sources` (their vectors cancel each other), `faces` (of the answer), `encoding` (a number is beyond f16, or is part of no direction), `field` (one that is to be decomposed or integrated), `basis` (of a field to be integrated), `stored` (a stored field is of another mesh, or of a kind that does not fit), `request` (one that is too long to be kept), `quads` (a parameter of a parametrisation, or one that takes too long), `creases`, `numbering` (corners of faces that the file has others of), `memory` (a factor of the mesh would need more than those of surfaces do).";
-    NO_FIELD_SURFACE = "no-field-surface", 422, "The mesh is no surface for fields",
+    NO_FIELD_SURFACE = "no-field-surface", 422, "The mesh cannot carry fields",
         "Tangential fields need a manifold, and some of what is made of them an oriented one. The detail names the edge, the vertex or the faces where the mesh is none. Neither is it one where triangles are next to nothing, so that equations on them are singular.";
     INVALID_SPECTRUM = "invalid-spectrum", 422, "There is no such spectrum",
         "The type goes on with the parameter that does not fit: extrinsic, curvature or count. The detail says what it may be.";
@@ -156,7 +156,7 @@ kinds! {
         "The type goes on with what is wrong, as in unusable-mesh/no-faces. The detail names the element.";
     UNREADABLE_MATRIX = "unreadable-matrix", 422, "A matrix cannot be read",
         "The type goes on with what is wrong: unreadable-matrix/unknown-format (neither an NPZ of scipy.sparse.save_npz, nor NPY, nor Matrix Market), /archive, /line, /entries, /too-large or /problem. The detail names the member, the line or the row; the member `matrix` is S or M.";
-    INVALID_PENCIL = "invalid-pencil", 422, "The matrices are no pencil",
+    INVALID_PENCIL = "invalid-pencil", 422, "The matrices do not form a pencil",
         "The type goes on with what is wrong: invalid-pencil/not-square, /not-finite, /not-symmetric, /not-definite (the mass), /empty or /structure. The members `matrix`, `row` and `column`, counted from 0, have the first place where it shows.";
     UNKNOWN_FORMAT = "unknown-mesh-format", 415, "The format of the mesh is unknown",
         "Name the format by Content-Type or ?format=: obj, ply, off, stl, medit, vtk, gmsh, freesurfer, gltf or gifti.";

@@ -181,14 +181,14 @@ async fn tell(store: Weak<Inner>, mut telling: mpsc::UnboundedReceiver<JobEvent>
 async fn send(inner: &Inner, message: String) {
     let sent = sql::query("SELECT 1 FROM (SELECT pg_notify(?, ?)) AS told").bind(WORK).bind(message);
     if let Err(error) = sent.fetch_optional(inner.catalog.reader()).await {
-        tracing::debug!(%error, "other processes hear of a change a second later");
+        tracing::debug!(%error, "could not notify other processes; they poll once a second");
     }
 }
 
 async fn listen(store: Weak<Inner>) {
     loop {
         if let Err(error) = listen_once(&store).await {
-            tracing::warn!(%error, "changes of other processes are heard of once a second until the database answers");
+            tracing::warn!(%error, "polling for changes once a second until the database answers");
         }
         if store.strong_count() == 0 {
             return;

@@ -104,7 +104,7 @@ impl Store {
             self.faults().reach(FailPoint::AfterEnqueue);
             return Ok(enqueued);
         }
-        Err(StoreError::Busy { detail: "equal work comes and goes".to_owned() })
+        Err(StoreError::Busy { detail: "an equal job keeps being deleted and re-created".to_owned() })
     }
 
     /// What is due once a job was made.

@@ -210,7 +210,7 @@ async fn what_cannot_be_mapped_is_refused_by_name() {
         (bare(json!(vec![one[1].clone(); 33])), 422, "invalid-parameter/bases", "not 33"),
         (bare(json!([one[1], nobody])), 404, "unknown-basis", nobody),
         (bare(json!([one[1], "x"])), 404, "unknown-basis", "\"x\""),
-        (bare(json!([one[1], two[1], one[1]])), 422, "invalid-parameter/bases", "bases[2] is bases[0] once more"),
+        (bare(json!([one[1], two[1], one[1]])), 422, "invalid-parameter/bases", "bases[2] duplicates bases[0]"),
         (request(&[one, two, &other_basis], json!({})), 422, "invalid-parameter/bases", "bases[2]"),
         (request(&[one, &graph], json!({})), 409, "incomparable-bases", graph[1].as_str()),
         (request(&[one, &fields], json!({})), 409, "basis-kind", fields[1].as_str()),

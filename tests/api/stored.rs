@@ -115,7 +115,7 @@ async fn fields_and_weights_are_uploaded_once_and_named_by_their_ids() {
     for (table, words) in [
         (json!({"columns": 4, "values": vec![1.0; 4 * faces]}), "columns: must be from 1 to 3"),
         (json!({"columns": 3, "values": vec![1.0; faces]}), "rows of 3 are needed"),
-        (json!({"columns": 1, "values": vec![1e39; faces]}), "of face 0 is none in single precision"),
+        (json!({"columns": 1, "values": vec![1e39; faces]}), "of face 0 is out of range for f32"),
     ] {
         let detail = refused(&app, &fields, &table, 422, "invalid-design/stored").await;
         assert!(detail.contains(words), "{detail}");

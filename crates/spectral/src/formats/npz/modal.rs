@@ -11,7 +11,7 @@ use chladni_algebra::DenseMatrix;
 use chladni_mesh::numbering::Numbering;
 use zip::ZipWriter;
 
-use super::read::{Archive, Frame};
+use super::read::{Archive, MODES};
 use super::{FormatError, Members, wrong};
 use crate::basis::modal::{FIXED, ModalBasis, ModalFunctions};
 
@@ -57,7 +57,7 @@ pub fn write_modes<W: Write + Seek>(
 /// # Errors
 /// [`FormatError`] names the member that is missing, damaged or of another shape than the rest.
 pub fn read_modes(bytes: &[u8]) -> Result<ModalBasis, FormatError> {
-    let mut archive = Archive::open(Frame::whole(bytes))?;
+    let mut archive = Archive::of(bytes, MODES)?;
     let masses = archive.member("masses")?;
     let n = masses.shape.first().copied().unwrap_or(0);
     let masses: Vec<f64> = masses.vector("<f8", n)?;
