@@ -299,9 +299,9 @@ pub(super) async fn accelerator(choice: &str) -> Result<Arc<gpu::Accelerator>, C
     match accelerator.reason() {
         // That there is no card is as usual.
         Some(reason) if *accelerator.choice() == gpu::GpuChoice::Auto => {
-            tracing::debug!(%reason, "no graphics card takes part");
+            tracing::debug!(%reason, "no GPU is used");
         }
-        Some(reason) => tracing::warn!(%reason, "the graphics card cannot be used; the CPU does its work"),
+        Some(reason) => tracing::warn!(%reason, "the GPU cannot be used; running on the CPU"),
         None => {}
     }
     Ok(accelerator)
@@ -328,7 +328,7 @@ impl Running {
             .and_then(|()| self.state.reload_keys().map_err(|error| error.to_string()));
         match reloaded {
             Ok(keys) => tracing::info!(keys, "API keys reloaded"),
-            Err(reason) => tracing::error!(reason, "the API keys stay as they were"),
+            Err(reason) => tracing::error!(reason, "the API keys are unchanged"),
         }
     }
 

@@ -204,7 +204,7 @@ async fn compare_shapes(
         let first = record.certificate["first"].as_u64().unwrap_or(0);
         if first > 0 {
             let detail = format!(
-                "Basis {} holds the pairs of an interval, from number {first} on; shapes are compared by their lowest eigenvalues.",
+                "Basis {} holds the pairs of an interval, starting at pair {first}; shapes are compared by their lowest eigenvalues.",
                 record.id
             );
             return Err(Problem::new(&problem::INVALID_ANALYSIS, detail));

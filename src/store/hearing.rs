@@ -219,7 +219,7 @@ async fn look(store: Weak<Inner>, work_alone: bool) {
         every.tick().await;
         let Some(inner) = store.upgrade() else { return };
         if let Err(error) = (Store { inner }).look_at_jobs(work_alone).await {
-            tracing::debug!(%error, "jobs could not be looked at");
+            tracing::debug!(%error, "could not read the changed jobs");
         }
     }
 }
@@ -235,7 +235,7 @@ async fn look_at_watched(store: Weak<Inner>) {
             "SELECT id, revision, status, cancel_requested FROM jobs WHERE id = ANY (string_to_array(?, ','))",
         );
         if let Err(error) = (Store { inner }).hear_of(query.bind(watched)).await {
-            tracing::debug!(%error, "jobs that are waited for could not be looked at");
+            tracing::debug!(%error, "could not read the jobs that are waited for");
         }
     }
 }

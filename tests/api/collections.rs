@@ -162,7 +162,7 @@ async fn maps_are_made_in_the_queue_kept_and_found_again() {
     assert_eq!(one["maps"].as_array().unwrap().len(), 1);
     assert_eq!((&one["maps"][0]["points"], &one["maps"][0]["matrix"]["columns"]), (&own["points"], &json!(40)));
     let refused = problem(app.get(&format!("{maps}?source=3")).send().await.unwrap(), 400, "invalid-query").await;
-    assert_eq!(refused["detail"], "source: there are shapes 0 to 2, and no 3.");
+    assert_eq!(refused["detail"], "source: must be from 0 to 2, not 3.");
 
     let content = app.get(&format!("/v1/bases/{id}/content")).send().await.unwrap().bytes().await.unwrap();
     let stored = npz::read_maps(&content).unwrap();

@@ -180,7 +180,7 @@ async fn a_design_is_saved_named_listed_fetched_and_deleted() {
     assert!(agree.count() > 3 * faces / 4);
     let three = made(&app, &mesh, json!({"field": "n_vector", "n": 3, "dimension": 60})).await;
     let detail = refused(&app, &text(&three["links"]["design"]), &along, 422, "invalid-design/stored").await;
-    assert!(detail.contains("2-vectors makes none of 3-vectors"), "{detail}");
+    assert!(detail.contains("2-vectors cannot be used as one of 3-vectors"), "{detail}");
     posted(&app, &text(&basis["links"]["hatching"]), &json!({"field": {"stored": saved["id"]}, "spacing": 0.2})).await;
     let quads = format!("/v1/meshes/{}/quads", text(&mesh["id"]));
     posted(&app, &quads, &json!({"field": {"stored": saved["id"]}, "spacing": 0.3, "creases": null})).await;

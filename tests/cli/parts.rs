@@ -75,7 +75,7 @@ fn parts_that_do_not_make_a_whole_are_refused_in_a_sentence() {
     refused(&["join", text(&mesh), text(&one), text(&one)], 2, "are the same part, 1");
     refused(&["join", text(&mesh), text(&one), "/no/such/part.npz"], 3, "/no/such/part.npz");
     refused(&["join", text(&mesh), text(&one), text(&mesh)], 1, "not a part written by solve --part");
-    refused(&["join", text(&mesh), text(&one), text(&two), "-p", "count=7"], 2, "when its parts were solved");
+    refused(&["join", text(&mesh), text(&one), text(&two), "-p", "count=7"], 2, "when the parts are solved");
     let other = surface(folder.path(), 1300);
     refused(
         &["join", text(&other), text(&one), text(&two)],
@@ -85,7 +85,7 @@ fn parts_that_do_not_make_a_whole_are_refused_in_a_sentence() {
     let others = part(&other, "2/2", &[]);
     refused(&["join", text(&mesh), text(&one), text(&others)], 1, "it belongs to another problem, unlike");
     let precise = part(&other, "1/2", &["--precision", "f32"]);
-    refused(&["join", text(&other), text(&precise), text(&others)], 1, "something else was asked for, unlike");
+    refused(&["join", text(&other), text(&precise), text(&others)], 1, "its parameters differ, unlike");
     let mut bytes = std::fs::read(&two).unwrap();
     let middle = bytes.len() / 2;
     bytes[middle] ^= 1;

@@ -128,7 +128,7 @@ impl PencilBasisParameters {
         // Of stiff matrices single precision keeps no tolerance.
         read.precision.get_or_insert(Precision::F64);
         if read.fixed.len() > MOST_FIXED {
-            let reason = format!("{} rows are more than the {MOST_FIXED} that a job may fix", read.fixed.len());
+            let reason = format!("{} rows exceed the limit of {MOST_FIXED}", read.fixed.len());
             return Err(value("fixed", reason));
         }
         read.fixed.sort_unstable();

@@ -185,7 +185,7 @@ pub struct SimulateAnswer {
 #[derive(Debug, thiserror::Error)]
 pub enum SimulationFault {
     /// There are too many loads.
-    #[error("loads: {0} are given; one request may have {MOST_LOADS}")]
+    #[error("loads: {0} were given; the limit is {MOST_LOADS}")]
     Loads(usize),
     /// The answer would be too large.
     #[error("times: {times} times make {numbers} numbers; one answer may have {most}")]

@@ -179,7 +179,7 @@ async fn of_basis(
     let crosses = crosses_of(loaded.kind(), &lifted).ok_or_else(|| {
         refused(
             "id",
-            "the fields of the basis make no crosses: it has to be of vectors, n-vectors with n 1, 2 or 4, or tensors"
+            "the fields of the basis do not define crosses: it must be of vectors, n-vectors with n 1, 2 or 4, or tensors"
                 .to_owned(),
         )
     })?;

@@ -237,7 +237,7 @@ async fn save(
     let length = request.to_string().len();
     if length > LONGEST_REQUEST {
         let detail = format!(
-            "design: a request of {length} bytes is too long to be kept, {LONGEST_REQUEST} are the most: upload its tables (POST /v1/meshes/{{id}}/fields) and name them by their ids."
+            "design: a request of {length} bytes is too long to be kept; the limit is {LONGEST_REQUEST}: upload its tables (POST /v1/meshes/{{id}}/fields) and name them by their ids."
         );
         return Err(Problem::within(&problem::INVALID_DESIGN, "request", detail));
     }

@@ -21,7 +21,7 @@ use super::poisson::PoissonError;
 use super::space::from_columns;
 
 /// Why vector fields do not live on surfaces with one side.
-pub(crate) const HODGE: &str = "\"vector\" fields have the Hodge–Laplacian, whose curl takes an oriented surface, which those of \"n_vector\", with \"n\": 1 for vectors, do not need:";
+pub(crate) const HODGE: &str = "\"vector\" fields use the Hodge–Laplacian, whose curl needs an oriented surface; \"n_vector\" fields with \"n\": 1 do not:";
 
 /// A surface that fields can live on: a mesh, its dual graph and its frames.
 #[derive(Debug, Clone, PartialEq)]

@@ -76,7 +76,7 @@ pub enum DesignError {
         /// The face.
         face: u32,
     },
-    /// Two hard constraints want different values on one face.
+    /// Two hard constraints require different values on one face.
     #[error("two hard constraints require different values on face {face}")]
     Contradiction {
         /// The face.

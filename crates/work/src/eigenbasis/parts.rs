@@ -434,7 +434,7 @@ impl PartJob {
         let parts =
             number("of").and_then(NonZeroUsize::new).ok_or_else(|| form("\"of\" is not how many parts there are"))?;
         let part = number("part").filter(|part| (1..=parts.get()).contains(part));
-        let part = part.ok_or_else(|| form("\"part\" is none of so many"))?;
+        let part = part.ok_or_else(|| form("\"part\" is out of range"))?;
         let whole = JobParameters::parse("eigenbasis", &parameters["parameters"])?;
         Ok(Self { whole, number: part - 1, parts })
     }

@@ -89,7 +89,7 @@ pub fn read_modes(bytes: &[u8]) -> Result<ModalBasis, FormatError> {
     } else {
         let shape: Vec<i64> = archive.member("shape")?.vector("<i8", 2)?;
         let d = usize::try_from(shape[1]).ok().filter(|&d| d < u32::MAX as usize / 3);
-        let d = d.ok_or_else(|| wrong("shape", format!("{} is no number of columns", shape[1])))?;
+        let d = d.ok_or_else(|| wrong("shape", format!("{} is not a number of columns", shape[1])))?;
         let space = archive.sparse(["data", "indices", "indptr"], n, d, "<f4")?;
         ModalFunctions::Compact { space, coefficients: archive.dense("coefficients", Some(3 * d), m)? }
     };

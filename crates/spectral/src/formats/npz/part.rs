@@ -151,7 +151,7 @@ pub fn read_part(bytes: &[u8]) -> Result<(Part, serde_json::Value), FormatError>
     let share = match (of_share, plan.columns) {
         (Some(head), Some(columns)) if columns < u32::MAX as usize => Some(share(&mut archive, head, columns)?),
         (None, None) => None,
-        _ => return Err(wrong("part", "it is no part of an approximation, or of nothing else")),
+        _ => return Err(wrong("part", "it is neither a part of an approximation nor of a spectrum")),
     };
     Ok((Part { plan, number, slices, share }, about))
 }

@@ -60,7 +60,7 @@ impl<'a> Array<'a> {
 
     pub fn json(&self) -> Result<serde_json::Value, FormatError> {
         if !self.descriptor.starts_with("|S") || !self.shape.is_empty() {
-            return Err(wrong(self.name, "it is not a text"));
+            return Err(wrong(self.name, "it is not text"));
         }
         serde_json::from_slice(self.data).map_err(|error| wrong(self.name, error.to_string()))
     }
@@ -205,7 +205,7 @@ impl<'a> Archive<'a> {
             usize::try_from(value)
                 .ok()
                 .filter(|&axis| axis < u32::MAX as usize)
-                .ok_or_else(|| wrong("shape", format!("{value} is no number of rows or columns")))
+                .ok_or_else(|| wrong("shape", format!("{value} is not a number of rows or columns")))
         };
         let (n, d) = (axis(shape[0])?, axis(shape[1])?);
         let space = self.sparse(["data", "indices", "indptr"], n, d, "<f4")?;
@@ -326,7 +326,7 @@ pub fn read_frame(
     let mut archive = Archive::open(frame)?;
     let bytes = rows.checked_mul(columns).and_then(|numbers| numbers.checked_mul(layout.precision.bytes()));
     if archive.pairs()? != columns || bytes.map(|bytes| bytes as u64) != Some(frame.gap) {
-        return Err(wrong("functions", format!("{} bytes are no {rows}×{columns} numbers", frame.gap)));
+        return Err(wrong("functions", format!("{} bytes do not make {rows}×{columns} numbers", frame.gap)));
     }
     let functions = DenseFunctions::elsewhere(rows, columns, layout.precision, source);
     archive.basis(Functions::Dense(functions), rows)
