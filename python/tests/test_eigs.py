@@ -122,7 +122,7 @@ def test_two_components_have_two_zeros_and_stages_take_time(sphere):
     [
         ({"k": 0}, "^k must be at least 1, got 0"),
         ({"k": 10_000}, "count"),
-        ({"method": "magic"}, "method is 'magic'"),
+        ({"method": "magic"}, "^method must be one of .*, got 'magic'"),
         ({"tol": 1e-30}, "tolerance"),
         ({"tol": 1e-6, "method": "approximate"}, "tolerance"),
         ({"mass": "heavy"}, "mass"),
@@ -161,5 +161,5 @@ def test_whole_numbers_of_any_type_are_counts(sphere):
 @pytest.mark.parametrize("arguments", [{"tol": np.nan}, {"tol": "small"}, {"below": np.inf}, {"between": (0.0, np.nan)}, {"seed": 1.5}])
 def test_numbers_that_are_none_are_refused_by_name(sphere, arguments):
     (name,) = arguments
-    with pytest.raises(chladni.ParameterError, match=f"^{name} is "):
+    with pytest.raises(chladni.ParameterError, match=f"^{name} must be "):
         chladni.eigs(sphere, **arguments)
