@@ -381,7 +381,7 @@ impl Store {
     /// Enqueues a job again whose basis is damaged. The basis stays on record, and gets new content.
     pub(super) async fn redo_job(&self, id: Uuid) -> Result<JobRecord, StoreError> {
         let job = self.retry_job_now(id, true).await?;
-        tracing::warn!(job = %id, "the basis of a job is damaged; it is solved anew");
+        tracing::warn!(job = %id, "the basis of a job is damaged; recomputing it");
         Ok(job)
     }
 

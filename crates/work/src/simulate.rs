@@ -198,7 +198,7 @@ pub enum SimulationFault {
         most: usize,
     },
     /// A sound was asked for, and a motion as well.
-    #[error("sound: its answer is a WAV file alone; {0} belongs to requests without a sound")]
+    #[error("sound: the answer is only a WAV file; {0} belongs to requests without a sound")]
     SoundAlone(&'static str),
     /// There is no such vertex.
     #[error("vertices: there is no vertex {vertex}; the object has {vertices}")]

@@ -111,9 +111,7 @@ impl BatchArguments {
         insert_named(&mut given, &self.named)?;
         let (wanted, parameters) = if self.kind == "operators" {
             if !self.named.is_empty() {
-                return Err(CliError::Usage(
-                    "--parameter is for kinds of job; operators take --count alone".to_owned(),
-                ));
+                return Err(CliError::Usage("--parameter is for kinds of job; operators take only --count".to_owned()));
             }
             let pairs = self.count.unwrap_or(operators::PAIRS);
             if pairs == 0 {

@@ -166,7 +166,8 @@ async fn of_basis(
     let refused = |place: &str, reason: String| {
         Problem::within(&problem::INVALID_DESIGN, "basis", format!("field.basis.{place}: {reason}."))
     };
-    let id = Uuid::parse_str(&wanted.id).map_err(|_| refused("id", format!("{:?} is no id of a basis", wanted.id)))?;
+    let id =
+        Uuid::parse_str(&wanted.id).map_err(|_| refused("id", format!("{:?} is not the id of a basis", wanted.id)))?;
     let loaded = LoadedBasis::load(state, id).await?;
     let own = state.store.basis(id).await?.mesh;
     if own != mesh {

@@ -39,7 +39,7 @@ pub fn check(method: &Method, parameters: &OperatorParameters) -> Result<(), Par
         Method::Exact(exact) => exact,
         Method::Approximate(approximate) if parameters.operator == OperatorKind::Volume => {
             if matches!(approximate.space, Space::Radial(_)) {
-                let reason = "the operator \"volume\" takes the construction \"heat\": functions of the distance alone err by half of an eigenvalue in solids";
+                let reason = "the operator \"volume\" needs the construction \"heat\": functions of the distance alone err by half of an eigenvalue in solids";
                 return Err(value("construction", reason.to_owned()));
             }
             return check_mass(parameters);
