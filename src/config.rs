@@ -53,15 +53,15 @@ pub struct Config {
     #[arg(long, value_name = "ORIGINS", env = "CHLADNI_CORS_ORIGINS", value_delimiter = ',', help_heading = "Network")]
     pub cors_origins: Vec<String>,
 
-    /// Names that the server is called by, separated by commas, beside localhost and its addresses; * for any
+    /// Names that the server answers to, separated by commas, besides localhost and its addresses; * for any
     ///
     /// A server on loopback without keys answers to no other name, lest a web page reach it by one of its own. Any
     /// other server checks names only where they are given.
     #[arg(long, value_name = "NAMES", env = "CHLADNI_HOSTS", value_delimiter = ',', help_heading = "Network")]
     pub hosts: Vec<String>,
 
-    /// Connections served at once, three quarters of them at most for one client; beyond, only health and metrics are
-    /// answered
+    /// Connections served at once, at most three quarters of them for one client; beyond that, only health and metrics
+    /// are answered
     #[arg(long, value_name = "N", env = "CHLADNI_MAX_CONNECTIONS", default_value_t = 512, value_parser = at_least_one, help_heading = "Network")]
     pub max_connections: usize,
 
@@ -69,11 +69,11 @@ pub struct Config {
     #[arg(long, value_name = "SECONDS", env = "CHLADNI_HEADER_SECONDS", default_value = "10", value_parser = seconds, help_heading = "Network")]
     pub header_seconds: Duration,
 
-    /// Seconds a client may pause while it sends a body or takes an answer
+    /// Seconds a client may pause while it sends a body or receives an answer
     #[arg(long, value_name = "SECONDS", env = "CHLADNI_BODY_SECONDS", default_value = "30", value_parser = seconds, help_heading = "Network")]
     pub body_seconds: Duration,
 
-    /// Folder of the databases; made where it is missing
+    /// Folder of the databases; created if missing
     #[arg(long, value_name = "FOLDER", env = "CHLADNI_DATA", default_value = "chladni-data", help_heading = "Storage")]
     pub data: PathBuf,
 
@@ -89,8 +89,7 @@ pub struct Config {
     )]
     pub database: Option<Secret>,
 
-    /// The same database with no pooler between, where --database leads to one that gives connections out by
-    /// transaction, as PgBouncer does
+    /// The same database without the pooler, if --database points to one that pools by transaction, such as PgBouncer
     #[arg(
         long,
         value_name = "ADDRESS",
@@ -106,12 +105,12 @@ pub struct Config {
     #[arg(long, value_name = "ADDRESS", env = "CHLADNI_OBJECTS", requires = "database", help_heading = "Storage")]
     pub objects: Option<String>,
 
-    /// Bytes of decoded bases kept in memory for synchronous solves, and as many of surfaces and factors that fields
-    /// are designed with
+    /// Bytes of decoded bases kept in memory for synchronous solves, and the same again for surfaces and factors used
+    /// to design fields
     #[arg(long, value_name = "BYTES", env = "CHLADNI_CACHE_BYTES", default_value = "1GiB", value_parser = bytes, help_heading = "Storage")]
     pub cache_bytes: u64,
 
-    /// Bytes that stay free on the disk of the data folder; below, writes are refused
+    /// Bytes to keep free on the disk of the data folder; below that, writes are refused
     #[arg(long, value_name = "BYTES", env = "CHLADNI_LEAST_FREE_BYTES", default_value = "256MiB", value_parser = bytes, help_heading = "Storage")]
     pub least_free_bytes: u64,
 
@@ -123,7 +122,7 @@ pub struct Config {
     #[arg(long, value_name = "N", env = "CHLADNI_WORKERS", default_value_t = 1, help_heading = "Work")]
     pub workers: usize,
 
-    /// Kinds of job that are taken, separated by commas; every kind without it
+    /// Kinds of job to take, separated by commas; all kinds by default
     #[arg(long, value_name = "KINDS", env = "CHLADNI_KINDS", value_delimiter = ',', help_heading = "Work")]
     pub kinds: Vec<String>,
 
@@ -145,18 +144,18 @@ pub struct Config {
     #[arg(long, value_name = "N", env = "CHLADNI_THREADS", default_value_t = 0, help_heading = "Work")]
     pub threads: usize,
 
-    /// Threads of their own for synchronous solves, which go before those of jobs; 0 for half of the cores, at least
-    /// two
+    /// Separate threads for synchronous solves, which take priority over those of jobs; 0 for half of the cores, at
+    /// least two
     #[arg(long, value_name = "N", env = "CHLADNI_SOLVE_THREADS", default_value_t = 0, help_heading = "Work")]
     pub solve_threads: usize,
 
-    /// Graphics card for large dense problems: off; auto for the first one that is no software, where it is faster than
-    /// the CPU; or its number or a part of its name
+    /// Graphics card for large dense problems: off; auto for the first hardware one, if it is faster than the CPU; or
+    /// its number or part of its name
     #[arg(long, value_name = "CARD", env = "CHLADNI_GPU", default_value = "auto", help_heading = "Work")]
     pub gpu: String,
 
-    /// Bytes of memory that running jobs may need together, by estimate; 0 for three quarters of what is free at the
-    /// start
+    /// Bytes of memory that running jobs may need together, by estimate; 0 for three quarters of what is free at
+    /// startup
     #[arg(long, value_name = "BYTES", env = "CHLADNI_MEMORY_BYTES", default_value = "0", value_parser = bytes, help_heading = "Work")]
     pub memory_bytes: u64,
 
@@ -172,11 +171,11 @@ pub struct Config {
     #[arg(long, value_name = "SECONDS", env = "CHLADNI_STALL_SECONDS", default_value = "900", value_parser = seconds, help_heading = "Work")]
     pub stall_seconds: Duration,
 
-    /// Seconds that running jobs get to end when the server stops; then they return to the queue
+    /// Seconds that running jobs get to finish when the server stops; then they return to the queue
     #[arg(long, value_name = "SECONDS", env = "CHLADNI_DRAIN_SECONDS", default_value = "30", value_parser = seconds, help_heading = "Work")]
     pub drain_seconds: Duration,
 
-    /// Times that a job is tried before it has failed for good
+    /// Number of times a job is tried before it fails for good
     #[arg(long, value_name = "N", env = "CHLADNI_MAX_ATTEMPTS", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..), help_heading = "Work")]
     pub max_attempts: u32,
 
@@ -198,36 +197,36 @@ pub struct Config {
     pub logs: LogSettings,
 }
 
-/// What is kept, and for how long; everything for ever unless told otherwise. What a job in the queue needs is always
+/// What is kept, and for how long; everything forever unless told otherwise. What a job in the queue needs is always
 /// kept.
 #[derive(Debug, Clone, PartialEq, Eq, Default, clap::Args)]
 pub struct Keep {
-    /// Seconds after their end for which jobs without a stored basis are kept
+    /// Seconds for which jobs without a stored basis are kept after they end
     #[arg(long, value_name = "SECONDS", env = "CHLADNI_KEEP_JOB_SECONDS", value_parser = seconds, help_heading = "Retention")]
     pub keep_job_seconds: Option<Duration>,
 
-    /// Ended jobs without a stored basis that are kept, the latest ones
+    /// Number of ended jobs without a stored basis to keep, newest first
     #[arg(long, value_name = "N", env = "CHLADNI_KEEP_JOBS", help_heading = "Retention")]
     pub keep_jobs: Option<u64>,
 
-    /// Seconds after their last use for which bases and fields are kept
+    /// Seconds for which bases and fields are kept after their last use
     #[arg(long, value_name = "SECONDS", env = "CHLADNI_KEEP_BASIS_SECONDS", value_parser = seconds, help_heading = "Retention")]
     pub keep_basis_seconds: Option<Duration>,
 
-    /// Bases that are kept, the last used ones; fields that were designed in one go with it
+    /// Number of bases to keep, most recently used first; fields designed in a basis go with it
     #[arg(long, value_name = "N", env = "CHLADNI_KEEP_BASES", help_heading = "Retention")]
     pub keep_bases: Option<u64>,
 
-    /// Seconds after their last use for which meshes without bases and fields are kept
+    /// Seconds for which meshes without bases and fields are kept after their last use
     #[arg(long, value_name = "SECONDS", env = "CHLADNI_KEEP_MESH_SECONDS", value_parser = seconds, help_heading = "Retention")]
     pub keep_mesh_seconds: Option<Duration>,
 
-    /// Meshes that are kept, the last used ones; those with bases or fields stay
+    /// Number of meshes to keep, most recently used first; those with bases or fields stay
     #[arg(long, value_name = "N", env = "CHLADNI_KEEP_MESHES", help_heading = "Retention")]
     pub keep_meshes: Option<u64>,
 
-    /// Bytes of content that are kept: beyond, what was not used for longest goes, fields, bases and meshes without
-    /// either
+    /// Bytes of content to keep; beyond that, the least recently used fields, bases and meshes without either are
+    /// deleted
     #[arg(long, value_name = "BYTES", env = "CHLADNI_KEEP_BYTES", value_parser = bytes, help_heading = "Retention")]
     pub keep_bytes: Option<u64>,
 }
@@ -385,7 +384,7 @@ impl Config {
     pub fn validate(&self) -> Result<(), ConfigError> {
         if self.workers == 0 && self.database.is_none() {
             return Err(ConfigError::Contradiction(
-                "nobody would run jobs: --workers 0 is for servers that share their records with workers, by --database and --objects".into(),
+                "no jobs would run: --workers 0 is for servers that share their records with workers, by --database and --objects".into(),
             ));
         }
         if self.database.is_some() != self.objects.is_some() {
@@ -393,7 +392,7 @@ impl Config {
         }
         if !self.kinds.is_empty() && self.database.is_none() {
             return Err(ConfigError::Contradiction(
-                "nobody would run jobs of other kinds: --kinds is for processes that share their records, by --database and --objects".into(),
+                "no process would run jobs of other kinds: --kinds is for processes that share their records, by --database and --objects".into(),
             ));
         }
         if self.heartbeat_seconds * 2 > self.lease_seconds {

@@ -76,7 +76,7 @@ pub struct Metrics {
     pub job_retries: IntCounter,
     /// Processes of jobs that ended by themselves.
     pub job_deaths: IntCounter,
-    /// Leases that ended without a word from their worker.
+    /// Leases that expired without a report from their worker.
     pub leases_lost: IntCounter,
     /// Seconds of a synchronous solve, by operation (`filter`, `project`, …).
     pub reduced_solve_seconds: HistogramVec,
@@ -177,7 +177,7 @@ impl Metrics {
             )?,
             job_retries: kept.counter("chladni_job_retries_total", "Attempts after the first one")?,
             job_deaths: kept.counter("chladni_job_deaths_total", "Processes of jobs that ended by themselves")?,
-            leases_lost: kept.counter("chladni_leases_lost_total", "Leases that ended without a word")?,
+            leases_lost: kept.counter("chladni_leases_lost_total", "Leases that expired without a report")?,
             reduced_solve_seconds: kept.histogram(
                 "chladni_reduced_solve_seconds",
                 "Seconds of a synchronous solve",

@@ -387,7 +387,7 @@ fn a_worker_with_wrong_keys_says_so_at_once() {
 fn a_worker_says_what_it_needs() {
     let told = |arguments: &[&str]| String::from_utf8(process::chladni(arguments).stderr).unwrap();
     assert!(told(&["worker"]).contains("--database"));
-    assert!(told(&["serve", "--workers", "0"]).contains("nobody would run jobs"));
+    assert!(told(&["serve", "--workers", "0"]).contains("no jobs would run"));
     let unknown = ["worker", "--kinds", "juggling", "--database", "postgres://h/d", "--objects", "file:///tmp/x"];
     assert!(told(&unknown).contains("juggling"));
 }

@@ -345,7 +345,7 @@ class Basis:
         """
         listed = np.atleast_1d(_arrays.numeric(weights, "weights"))
         if listed.ndim != 1:
-            raise _arrays.parameter_error(f"weights have the shape {listed.shape}, where (m,) is due")
+            raise _arrays.parameter_error(f"weights must have shape (m,), got {listed.shape}")
         return self._core.value_gradient([float(weight) for weight in listed])
 
     def loss_gradient(self, weights: Any, functions: Any) -> np.ndarray:
@@ -385,7 +385,7 @@ class Basis:
         """
         listed = np.atleast_1d(_arrays.numeric(weights, "weights"))
         if listed.ndim != 1:
-            raise _arrays.parameter_error(f"weights have the shape {listed.shape}, where (m,) is due")
+            raise _arrays.parameter_error(f"weights must have shape (m,), got {listed.shape}")
         n = np.shape(functions)[0] if np.ndim(functions) else 0
         derivatives, _ = _arrays.functions(functions, n, "derivatives")
         return self._core.loss_gradient([float(weight) for weight in listed], derivatives)
@@ -437,7 +437,7 @@ class Basis:
         try:
             text = json.dumps(request, default=_plain, allow_nan=False)
         except ValueError:
-            raise _arrays.parameter_error(f"transfer: {_not_finite(request)}, where finite numbers are due") from None
+            raise _arrays.parameter_error(f"transfer must have finite numbers, but {_not_finite(request)}") from None
         filtered = self._core.filter(columns, text, is_nearest(extend))
         return filtered[:, 0] if single else filtered
 
@@ -475,7 +475,7 @@ class Basis:
         given = _arrays.numeric(coefficients, "coefficients")
         rows = len(given) if given.ndim else 0
         if not 0 < rows <= len(self):
-            raise _arrays.parameter_error(f"coefficients have the shape {given.shape}, where up to {len(self)} rows are due")
+            raise _arrays.parameter_error(f"coefficients must have 1 to {len(self)} rows, got shape {given.shape}")
         columns, single = _arrays.functions(given, rows, "coefficients")
         _arrays.finite(columns, np.ones(rows, dtype=bool), "coefficients", "row")
         whole = np.zeros((len(self), columns.shape[1]), order="F")
@@ -524,7 +524,7 @@ def _not_finite(request: dict[str, Any]) -> str:
         if not np.isfinite(numbers).all():
             at = tuple(int(k) for k in np.argwhere(~np.isfinite(numbers))[0])
             return f"{name}{''.join(f'[{k}]' for k in at)} is {numbers[at]}"
-    return "a number is infinite or none"
+    return "a number is infinite or NaN"
 
 
 def _plain(value: Any) -> Any:
@@ -532,7 +532,7 @@ def _plain(value: Any) -> Any:
         return value.tolist()
     if isinstance(value, np.generic):
         return value.item()
-    raise TypeError(f"{value!r} is no number")
+    raise TypeError(f"{value!r} is not a number")
 
 
 def _format_error(message: str) -> Exception:

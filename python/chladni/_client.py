@@ -52,9 +52,9 @@ class Client:
 
     def __init__(self, url: str = "http://127.0.0.1:8080", key: str | None = None, *, timeout: float = 60.0) -> None:
         if urllib.parse.urlsplit(url).scheme not in ("http", "https"):
-            raise _arrays.parameter_error(f"url is {url!r}, where http:// or https:// is due")
+            raise _arrays.parameter_error(f"url must begin with http:// or https://, got {url!r}")
         if key and not (key.isascii() and key.isprintable()):
-            raise _arrays.parameter_error("key has characters that no header can carry: letters, digits and signs of ASCII are due")
+            raise _arrays.parameter_error("key must have only ASCII letters, digits and punctuation, since it is sent in a header")
         self.url, self.timeout = url.rstrip("/"), float(timeout)
         self._headers = {"Authorization": f"Bearer {key}"} if key else {}
 
@@ -291,7 +291,7 @@ class Client:
         content, _ = self.call("GET", f"/v1/bases/{urllib.parse.quote(identifier)}/content", query={"format": "npz"})
         with np.load(io.BytesIO(content)) as arrays:
             if "disagreements" not in arrays:
-                raise _arrays.parameter_error(f"{identifier} is a basis, and no maps between shapes")
+                raise _arrays.parameter_error(f"{identifier} is a basis, not a collection of maps")
             return MapCollection._of_npz(arrays)
 
     def _finished(self, job: Any, progress: bool | Callable[[str, float], Any]) -> Any:

@@ -122,7 +122,7 @@ def functional_map(
     """
     listed = np.asarray(landmarks, dtype=None if len(landmarks) else np.int64).reshape(-1, 2)
     if listed.dtype.kind not in "iu":
-        raise _arrays.parameter_error(f"landmarks have the dtype {listed.dtype}, where integers are due")
+        raise _arrays.parameter_error(f"landmarks must be integers, got dtype {listed.dtype}")
     known = None
     if descriptors is not None:
         first, _ = _arrays.functions(descriptors[0], source.shape[0], "descriptors of the source")

@@ -340,14 +340,14 @@ def distance_request(
 ) -> tuple[dict[str, Any], Callable[[np.ndarray], np.ndarray]]:
     """A request for distances, and what gives its answer the shape that was asked for."""
     if (sources is None) == (pairs is None):
-        told = "and neither is given" if sources is None else "not both"
-        raise _arrays.parameter_error(f"either sources or pairs are needed, {told}")
+        told = "but neither was given" if sources is None else "not both"
+        raise _arrays.parameter_error(f"give either sources or pairs, {told}")
     request: dict[str, Any] = {"distance": distance, "nearest": bool(nearest)}
     times = distance.get("times")
     if pairs is not None:
         listed = np.asarray(pairs)
         if listed.dtype.kind not in "iu" or listed.ndim != 2 or listed.shape[1] != 2:
-            raise _arrays.parameter_error(f"pairs have the shape {listed.shape}, where integers (p, 2) are due")
+            raise _arrays.parameter_error(f"pairs must be integers of shape (p, 2), got {listed.dtype} of shape {listed.shape}")
         request["pairs"] = [_arrays.vertex_list(pair, "pairs")[0] for pair in listed]
         return request, lambda table: table if times is not None else table[:, 0]
     request["sources"], single = _arrays.vertex_list(sources, "sources")
@@ -383,7 +383,7 @@ def arrays_of(something: Any) -> tuple[Any, Any]:
             if hasattr(something, name):
                 return np.asarray(something.vertices), np.asarray(getattr(something, name))
     kind = "an array" if isinstance(something, np.ndarray) else f"an object of the type {type(something).__name__}"
-    raise _arrays.parameter_error(f"{kind} is no mesh: pass vertices and faces")
+    raise _arrays.parameter_error(f"{kind} is not a mesh; pass vertices and faces")
 
 
 def regular_faces(listed: Any) -> np.ndarray:

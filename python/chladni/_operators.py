@@ -231,7 +231,7 @@ def operators(
     size = len(mesh.vertices)
     if int(mesh.report.get("subdivisions", 0)) or any(repair["kind"] == "merged_vertices" for repair in mesh.report["repairs"]):
         raise _arrays.parameter_error(
-            "vertices were merged or made, so that rows would be none of the mesh; use Mesh(mesh.kept_vertices, mesh.kept_faces)"
+            "vertices were merged or added, so rows would not match the mesh; use Mesh(mesh.kept_vertices, mesh.kept_faces)"
         )
     S, M = mesh.laplacian(operator)
     pairs = min(_arrays.whole(k, "k", least=1), len(mesh.kept_vertices))

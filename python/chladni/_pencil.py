@@ -156,22 +156,22 @@ def _check_wanted(
     if which is not None:
         _arrays.flag(which, "which", ("SA", "LM"))
         if which == "LM" and sigma is None:
-            raise _arrays.parameter_error("which is 'LM' without sigma: the largest are none of the lowest; call with -S for those")
+            raise _arrays.parameter_error("which is 'LM' without sigma, but the lowest pairs are computed; call with -S for the largest")
         if which == "SA" and sigma is not None:
-            raise _arrays.parameter_error("which is 'SA', the lowest, which takes no sigma")
+            raise _arrays.parameter_error("which='SA' (the lowest) does not take sigma")
     if below is not None and between is not None:
-        raise _arrays.parameter_error("either below or between, not both")
+        raise _arrays.parameter_error("give either below or between, not both")
     if sigma is not None and not (below is None and between is None):
-        raise _arrays.parameter_error("sigma belongs to a number of pairs, not to below or between")
+        raise _arrays.parameter_error("sigma goes with a number of pairs, not with below or between")
     for name, given in (("below", below), ("sigma", sigma), ("tol", tol)):
         if given is not None:
             _arrays.number(given, name)
     if between is not None:
         if np.ndim(between) != 1 or len(between) != 2:
-            raise _arrays.parameter_error(f"between is {between!r}, where two numbers are due")
+            raise _arrays.parameter_error(f"between must be two numbers, got {between!r}")
         first, second = (_arrays.number(end, "between") for end in between)
         if not first < second:
-            raise _arrays.parameter_error(f"between is {between}, where the first has to be below the second")
+            raise _arrays.parameter_error(f"between must have the lower bound first, got {between}")
 
 
 def _csr(matrix: Any, name: str) -> Any:
@@ -181,11 +181,11 @@ def _csr(matrix: Any, name: str) -> Any:
     if not scipy.sparse.issparse(matrix):
         matrix = _arrays.numeric(matrix, name)
         if matrix.ndim != 2:
-            raise _arrays.parameter_error(f"{name} has the shape {matrix.shape}, where (n, n) is due")
+            raise _arrays.parameter_error(f"{name} must have shape (n, n), got {matrix.shape}")
     if matrix.dtype.kind not in "fiub":
-        raise _arrays.parameter_error(f"{name} has the dtype {matrix.dtype}, where real numbers are due")
+        raise _arrays.parameter_error(f"{name} must be real numbers, got dtype {matrix.dtype}")
     if matrix.shape[0] != matrix.shape[1]:
-        raise _arrays.parameter_error(f"{name} has the shape {matrix.shape}, where (n, n) is due")
+        raise _arrays.parameter_error(f"{name} must have shape (n, n), got {matrix.shape}")
     return scipy.sparse.csr_matrix(matrix, dtype=np.float64)
 
 
@@ -199,11 +199,11 @@ def _mass(M: Any, n: int) -> tuple[np.ndarray | None, Any]:
         given = _arrays.numeric(M, "M")
         if given.ndim == 1:
             if len(given) != n:
-                raise _arrays.parameter_error(f"M has {len(given)} entries, where {n} are due")
+                raise _arrays.parameter_error(f"M must have {n} entries, got {len(given)}")
             return np.ascontiguousarray(given), None
     matrix = _csr(M, "M")
     if matrix.shape[0] != n:
-        raise _arrays.parameter_error(f"M has the shape {matrix.shape}, where ({n}, {n}) is due")
+        raise _arrays.parameter_error(f"M must have shape ({n}, {n}), got {matrix.shape}")
     coordinates = matrix.tocoo()
     if (coordinates.row == coordinates.col).all():
         return np.ascontiguousarray(matrix.diagonal()), None

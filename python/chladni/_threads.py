@@ -30,9 +30,9 @@ def set_threads(count: int) -> None:
     >>> chladni.set_threads(-1)
     Traceback (most recent call last):
         ...
-    chladni.ParameterError: count is -1, where at least 0 is due
+    chladni.ParameterError: count must be at least 0, got -1
     """
     wanted = _arrays.whole(count, "count")
     if wanted > _MOST:
-        raise _arrays.parameter_error(f"count is {wanted}, where at most {_MOST} is due")
+        raise _arrays.parameter_error(f"count must be at most {_MOST}, got {wanted}")
     _native.set_threads(wanted)

@@ -91,7 +91,7 @@ class Vibration:
         True
         """
         if "give" in request:
-            raise ParameterError("give: displacements are what is given here")
+            raise ParameterError("give is not available here: the result is always displacements")
         wish = {"times": np.asarray(times, dtype=float).tolist(), "loads": loads, "damping": _damping(damping), **request}
         found = self._core.simulate(json.dumps(wish, default=_plain))
         return found.reshape(found.shape[0], found.shape[1] // 3, 3)

@@ -31,7 +31,7 @@ pub fn rows<'a, T: numpy::Element, const W: usize>(
 ) -> Result<&'a [[T; W]], Failure> {
     let [n, columns] = [array.shape()[0], array.shape()[1]];
     if columns != W {
-        return Err(Failure::parameter(format!("{what} have the shape ({n}, {columns}), where (n, {W}) is due")));
+        return Err(Failure::parameter(format!("{what} must have shape (n, {W}), got ({n}, {columns})")));
     }
     let values = array.as_slice().map_err(|_| Failure::parameter(format!("{what} are not contiguous")))?;
     Ok(values.as_chunks::<W>().0)

@@ -261,7 +261,7 @@ impl NativeBasis {
     fn value_gradient<'py>(&self, py: Python<'py>, weights: Vec<f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         self.of_functions()?;
         let Some(body) = &self.mesh else {
-            return Err(Failure::parameter("a gradient needs the mesh, beside a basis that was loaded").into());
+            return Err(Failure::parameter("a gradient needs the mesh as well as a loaded basis").into());
         };
         let (basis, to) = (&self.basis, self.translation(false));
         let solid = body.checked.solid.as_ref();
@@ -279,7 +279,7 @@ impl NativeBasis {
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         self.of_functions()?;
         let Some(body) = &self.mesh else {
-            return Err(Failure::parameter("a gradient needs the mesh, beside a basis that was loaded").into());
+            return Err(Failure::parameter("a gradient needs the mesh as well as a loaded basis").into());
         };
         let (basis, to, functions) = (&self.basis, self.translation(false), arrays::functions(&functions)?);
         let of = (body.mesh(), body.checked.solid.as_ref());

@@ -46,7 +46,7 @@ pub fn design_space(
         Product::FieldBasis(fields) => {
             Ok(NativeFields { fields, body: Arc::clone(&body), setting: OnceLock::new(), seconds: outcome.seconds })
         }
-        _ => Err(Failure::new(Kind::Solve, "internal", "the job made another kind of product").into()),
+        _ => Err(Failure::new(Kind::Solve, "internal", "the job made a different kind of product").into()),
     }
 }
 

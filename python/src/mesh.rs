@@ -217,7 +217,7 @@ impl NativeMesh {
         let outcome = watch::run(py, progress, |monitor| body.run(&job, monitor))?;
         match outcome.product {
             Product::Eigenbasis(basis) => Ok(NativeBasis::new(basis, Some(Arc::clone(&body)), outcome.seconds)),
-            _ => Err(Failure::new(Kind::Solve, "internal", "the job made another kind of product").into()),
+            _ => Err(Failure::new(Kind::Solve, "internal", "the job made a different kind of product").into()),
         }
     }
 

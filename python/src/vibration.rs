@@ -47,7 +47,7 @@ pub fn vibration(
     let outcome = watch::run(py, progress, |monitor| body.run(&job, monitor))?;
     match outcome.product {
         Product::VibrationBasis(modes) => Ok(NativeVibration { modes, body }),
-        _ => Err(Failure::new(Kind::Solve, "internal", "the job made another kind of product").into()),
+        _ => Err(Failure::new(Kind::Solve, "internal", "the job made a different kind of product").into()),
     }
 }
 

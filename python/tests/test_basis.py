@@ -59,7 +59,7 @@ def test_distances_are_their_formulas(knot, knot_basis, sphere):
     graded = chladni.Mesh(np.stack([np.tile(side, 30), np.repeat(side, 30), np.zeros(900)], 1), faces)
     with pytest.warns(RuntimeWarning, match='method="exact" has no such error'):
         graded.geodesics(0)
-    with pytest.raises(chladni.ParameterError, match="neither is given"):
+    with pytest.raises(chladni.ParameterError, match="neither was given"):
         knot_basis.distances()
     with pytest.raises(chladni.ParameterError, match="2996"):
         knot.geodesics(2996)

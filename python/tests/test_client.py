@@ -61,9 +61,9 @@ def test_maps_of_a_collection_are_those_of_here(client):
         assert np.array_equal(other.to_source.points, own.to_source.points) and other.to_source.points[0] == -1
         assert np.allclose(other.matrix, own.matrix) and other.disagreement == pytest.approx(own.disagreement)
         assert np.allclose(other.to_source.confidences, own.to_source.confidences, equal_nan=True)
-    with pytest.raises(chladni.ClientError, match="once more"):
+    with pytest.raises(chladni.ClientError, match="duplicates"):
         client.map_collection([bases[0], bases[0].id])
-    with pytest.raises(chladni.ParameterError, match="no maps"):
+    with pytest.raises(chladni.ParameterError, match="not a collection of maps"):
         client.maps(bases[0].id)
 
 
@@ -130,5 +130,5 @@ def test_a_server_that_is_not_there_is_named():
     assert caught.value.status == 0
     with pytest.raises(chladni.ParameterError, match="ftp"):
         chladni.Client("ftp://127.0.0.1")
-    with pytest.raises(chladni.ParameterError, match="key has characters"):
+    with pytest.raises(chladni.ParameterError, match="key must have only ASCII"):
         chladni.Client("http://127.0.0.1:9", "schlüssel")

@@ -103,7 +103,7 @@ def indefinite():
 @pytest.mark.parametrize(
     ("change", "arguments", "message"),
     [
-        (lambda S: S, {"k": 0}, "^k is 0"),
+        (lambda S: S, {"k": 0}, "^k must be at least 1, got 0"),
         (lambda S: S, {"k": 101}, "100"),
         (lambda S: S, {"which": "LM"}, "sigma"),
         (lambda S: S, {"which": "BE"}, "which"),
@@ -117,14 +117,14 @@ def indefinite():
         (lambda S: S, {"M": -np.ones(100)}, r"M\[0, 0\] is -1"),
         (lambda S: S, {"M": indefinite()}, "positive definite"),
         (lambda S: S, {"fixed": [100]}, "row 100"),
-        (lambda S: S, {"tol": "a"}, "tol is 'a'"),
-        (lambda S: S, {"below": "a"}, "below is 'a'"),
-        (lambda S: S, {"between": 3}, "between is 3"),
+        (lambda S: S, {"tol": "a"}, "tol must be a number, got 'a'"),
+        (lambda S: S, {"below": "a"}, "below must be a number, got 'a'"),
+        (lambda S: S, {"between": 3}, "between must be two numbers, got 3"),
         (lambda S: S, {"between": (0,)}, "two numbers"),
         (lambda S: S, {"sigma": 1j}, "sigma"),
-        (lambda S: S, {"k": 10**20}, "k is 1"),
+        (lambda S: S, {"k": 10**20}, r"k must be less than 2\*\*64, got 1"),
         (lambda S: S, {"seed": 2**64}, "seed"),
-        (lambda S: S, {"progress": 5}, "progress is 5"),
+        (lambda S: S, {"progress": 5}, "progress must be .*, got 5"),
         (lambda S: S, {"M": np.ma.masked_less(np.ones(100), 2)}, "masked"),
     ],
 )

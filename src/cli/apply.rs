@@ -75,8 +75,8 @@ pub struct FilterArguments {
     #[arg(long, value_name = "JSON")]
     transfer: String,
 
-    /// Write the filtered mesh to this file, .ply, .obj or .glb, with the texture coordinates, normals and names that
-    /// it had; it has the kept vertices, and points without faces in the order in which they are kept
+    /// Write the filtered mesh to this file, .ply, .obj or .glb, with its texture coordinates, normals and names; it
+    /// has the vertices kept after repairs, and points without faces in the order in which they are kept
     #[arg(long, short = 'o', value_name = "FILE")]
     output: PathBuf,
 }
@@ -94,7 +94,7 @@ pub struct DesignArguments {
     #[arg(long, value_name = "JSON")]
     request: String,
 
-    /// How the numbers of a face are written
+    /// How the numbers of each face are written
     #[arg(long, value_name = "FORM", default_value = "world", value_parser = form)]
     form: Form,
 

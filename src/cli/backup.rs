@@ -5,11 +5,11 @@ use crate::store;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Back a data folder up while its server runs; what the backup has already is not copied again
+/// Back up a data folder while its server runs; what the backup already has is not copied again
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct BackupArguments {
-    /// Folder of the backup; made where it is missing, brought up to date where it is not
+    /// Folder of the backup; created if missing, brought up to date otherwise
     #[arg(value_name = "FOLDER")]
     backup: PathBuf,
 
@@ -22,10 +22,10 @@ Examples:
   chladni backup /backups/chladni --data /srv/chladni
   chladni restore /backups/chladni --data /srv/chladni-2
 
-The backup is of one moment: every record in it has its content. It is a data folder of two files; keep older ones by copying it
-once this command has ended. Copying the files of a running server loses data instead.
+The backup is a consistent snapshot: every record in it has its content. It is a data folder of two files; keep older ones by copying it
+once this command has ended. Copying the files of a running server would lose data.
 
-Exit codes: 0 done; 1 done, but some content is damaged where it was copied from; 3 a folder cannot be used.";
+Exit codes: 0 done; 1 done, but some of the source content is damaged; 3 a folder cannot be used.";
 
 /// Backs a data folder up.
 pub fn backup(arguments: BackupArguments) -> Result<ExitCode, CliError> {

@@ -3,7 +3,7 @@
 use super::{CliError, bytes, data_folder::DataFolder};
 use std::process::ExitCode;
 
-/// Give the space of what was deleted back to the disk, all of it
+/// Return all the space of deleted content to the disk
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct CompactArguments {
@@ -15,12 +15,12 @@ const EXAMPLES: &str = "\
 Examples:
   chladni compact --data /srv/chladni
 
-A running server gives space back by itself, some at a time. A folder that an earlier version made needs this once: its databases are
-written anew, which takes as much free space as they have content.
+A running server returns space by itself, a little at a time. A folder made by an earlier version needs this once: its databases are
+rewritten, which takes as much free space as they have content.
 
-No server may use the folder meanwhile.
+No server may use the folder in the meantime.
 
-Exit codes: 0 done; 3 the folder cannot be used, or there is no room.";
+Exit codes: 0 done; 3 the folder cannot be used, or there is not enough space.";
 
 /// Compacts a data folder.
 pub fn compact(arguments: CompactArguments) -> Result<ExitCode, CliError> {

@@ -20,23 +20,23 @@ use std::time::Instant;
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct DemoArguments {
-    /// Mesh file, as it is or compressed by gzip; without one, a surface of genus 3 with 100,000 vertices is generated
+    /// Mesh file, plain or compressed with gzip; without one, a surface of genus 3 with 100,000 vertices is generated
     #[arg(value_name = "MESH")]
     mesh: Option<PathBuf>,
 
-    /// Exit after the table instead of serving on
+    /// Exit after the table instead of continuing to serve
     #[arg(long)]
     once: bool,
 
-    /// Eigenpairs wanted
+    /// Number of eigenpairs
     #[arg(long, short = 'n', value_name = "M", default_value_t = 500)]
     count: usize,
 
-    /// Folder of the databases; made where it is missing
+    /// Folder of the databases; created if missing
     #[arg(long, value_name = "FOLDER", env = "CHLADNI_DATA", default_value = "chladni-data")]
     data: PathBuf,
 
-    /// Port on this machine; where it is taken, a free one
+    /// Port on this machine; if it is taken, a free one
     #[arg(long, value_name = "PORT", default_value_t = 8080)]
     port: u16,
 

@@ -11,12 +11,12 @@ pub struct DoctorArguments {
     #[command(flatten)]
     data: DataFolder,
 
-    /// Do what can be done: enqueue jobs whose bases are damaged, clear references to nothing, delete damaged content
+    /// Do what can be done: enqueue jobs whose bases are damaged, clear dangling references, delete damaged content
     /// that nothing refers to
     #[arg(long)]
     repair: bool,
 
-    /// Use databases that do not belong together as they are; what one of them lacks is lost
+    /// Use databases that do not belong together anyway; what one of them lacks is lost
     #[arg(long)]
     pair: bool,
 }
@@ -24,13 +24,13 @@ pub struct DoctorArguments {
 const EXAMPLES: &str = "\
 Examples:
   chladni doctor --data /srv/chladni
-  chladni doctor --data /srv/chladni --repair            then start the server: it solves damaged bases anew
+  chladni doctor --data /srv/chladni --repair            then start the server: it recomputes damaged bases
 
 A damaged mesh is repaired by uploading the same file again, a damaged basis also by submitting the same job again.
 
-No server may use the folder meanwhile.
+No server may use the folder in the meantime.
 
-Exit codes: 0 all is well, or was put right; 1 something is wrong; 3 the folder cannot be used.";
+Exit codes: 0 all is well, or was repaired; 1 something is wrong; 3 the folder cannot be used.";
 
 /// Examines a data folder.
 pub fn doctor(arguments: DoctorArguments) -> Result<ExitCode, CliError> {

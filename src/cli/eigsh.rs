@@ -27,12 +27,12 @@ pub struct EigshArguments {
     #[arg(value_name = "S")]
     stiffness: PathBuf,
 
-    /// The mass M, positive definite: a matrix as S, or its diagonal as .npy or an array .mtx; the identity where it is
-    /// not given
+    /// The mass M, positive definite: a matrix like S, or its diagonal as .npy or an array .mtx; the identity by
+    /// default
     #[arg(value_name = "M")]
     mass: Option<PathBuf>,
 
-    /// How many eigenpairs, the lowest ones
+    /// Number of eigenpairs, the lowest ones
     #[arg(long, short = 'n', value_name = "COUNT", default_value_t = 10, help_heading = "Problem")]
     count: usize,
 
@@ -44,19 +44,19 @@ pub struct EigshArguments {
     #[arg(long, value_name = "FROM,TO", conflicts_with_all = ["count", "below"], allow_hyphen_values = true, value_parser = interval, help_heading = "Problem")]
     between: Option<[f64; 2]>,
 
-    /// Not the lowest, but those whose eigenvalues are nearest to this number; all below it are computed too
+    /// Instead of the lowest, those whose eigenvalues are nearest to this number; all below it are computed too
     #[arg(long, value_name = "SHIFT", conflicts_with_all = ["below", "between"], allow_negative_numbers = true, value_parser = finite, help_heading = "Problem")]
     around: Option<f64>,
 
-    /// With a bound or a shift: to compute more pairs than this is an error
+    /// With a bound or a shift: it is an error to compute more pairs than this
     #[arg(long, value_name = "COUNT", default_value_t = 2000, help_heading = "Problem")]
     at_most: usize,
 
-    /// Rows that are fixed at zero, by their numbers from 0: a file of whole numbers with spaces or lines between them
+    /// Rows that are fixed at zero, by their numbers from 0: a file of whole numbers separated by spaces or newlines
     #[arg(long, value_name = "FILE", help_heading = "Problem")]
     fixed: Option<PathBuf>,
 
-    /// Largest residual of a pair, relative to (S + cM) x; eigenvalues are about as exact as its square
+    /// Largest residual of a pair, relative to (S + cM) x; eigenvalues are accurate to about its square
     #[arg(long, value_name = "EPSILON", default_value_t = 1e-8, help_heading = "Method")]
     tolerance: f64,
 
@@ -68,7 +68,7 @@ pub struct EigshArguments {
     #[arg(long, value_name = "N", env = "CHLADNI_THREADS", default_value_t = 0, help_heading = "Method", value_parser = threads)]
     threads: usize,
 
-    /// Write the result to this .npz file: what `solve` writes of a mesh
+    /// Write the result to this .npz file, in the format of `solve`
     #[arg(long, short = 'o', value_name = "FILE", help_heading = "Output")]
     output: Option<PathBuf>,
 
@@ -236,7 +236,7 @@ pub(super) fn mass(path: Option<&Path>) -> Result<Mass, CliError> {
 /// Whole numbers with white space between them.
 pub(super) fn rows(path: &Path) -> Result<Vec<u32>, CliError> {
     let text = std::fs::read_to_string(path).map_err(|error| CliError::file("read", path, error))?;
-    let number = |word: &str| word.parse().map_err(|_| CliError::mesh(path, format!("\"{word}\" is no row")));
+    let number = |word: &str| word.parse().map_err(|_| CliError::mesh(path, format!("\"{word}\" is not a row")));
     text.split_whitespace().map(number).collect()
 }
 

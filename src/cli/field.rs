@@ -16,15 +16,15 @@ pub struct FieldArguments {
     #[command(flatten)]
     work: WorkArguments,
 
-    /// What is stored in a face
+    /// What is stored in each face
     #[arg(long, value_name = "KIND", help_heading = "Problem", value_parser = ["vector", "n_vector", "tensor"], default_value = "vector")]
     field: String,
 
-    /// The n of n-vectors; 4 where it is not given
+    /// The n of n-vectors; 4 by default
     #[arg(long, value_name = "N", help_heading = "Problem")]
     n: Option<u32>,
 
-    /// Dimension of the space; where it is not given 1000, and on small meshes a quarter of the numbers of a field
+    /// Dimension of the space; by default 1000, and on small meshes a quarter of the numbers of a field
     #[arg(long, short = 'd', value_name = "D", help_heading = "Problem")]
     dimension: Option<usize>,
 

@@ -14,7 +14,7 @@ use std::sync::Arc;
 #[derive(Debug, Clone, clap::Args)]
 pub struct MeshInput {
     /// Mesh file: OBJ, PLY, OFF, STL, MEDIT, VTK (legacy, .vtp, .vtu), Gmsh MSH, FreeSurfer, glTF, GIFTI, or arrays as
-    /// NPZ or JSON, as it is or compressed by gzip
+    /// NPZ or JSON, plain or compressed with gzip
     #[arg(value_name = "MESH")]
     pub mesh: PathBuf,
 
@@ -25,7 +25,7 @@ pub struct MeshInput {
 /// How mesh files are read.
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub struct MeshOptions {
-    /// Format of the file, where its name does not tell: obj, ply, off, stl, medit, vtk, gmsh, freesurfer, gltf, gifti,
+    /// Format of the file, if its name does not tell: obj, ply, off, stl, medit, vtk, gmsh, freesurfer, gltf, gifti,
     /// npz, json
     #[arg(long, value_name = "FORMAT", value_parser = format, help_heading = "Input")]
     pub format: Option<MeshFormat>,
@@ -34,12 +34,12 @@ pub struct MeshOptions {
     #[arg(long, value_name = "WHEN", value_parser = merge, default_value = "auto", help_heading = "Input")]
     pub merge: Merge,
 
-    /// Which surface is meant where a file has tetrahedra: boundary, where they have no neighbour (closed, and the
-    /// solid's own), or given, the triangles of the file, without an inside
+    /// Which surface to use if a file has tetrahedra: boundary, their faces without a neighbour (closed, and the
+    /// solid's own), or given, the triangles of the file, without an interior
     #[arg(long, value_name = "WHICH", value_parser = surface, default_value = "boundary", help_heading = "Input")]
     pub surface: SurfaceOf,
 
-    /// Divide every face into four before the work begins, so many times: eigenvalues come nearer to those of the
+    /// Divide every face into four before the work begins, this many times: eigenvalues come closer to those of the
     /// surface
     #[arg(long, value_name = "TIMES", default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=i64::from(MOST_SUBDIVISIONS)), help_heading = "Input")]
     pub subdivide: u8,
@@ -83,7 +83,7 @@ pub struct NumberingArguments {
     #[arg(long, value_name = "NUMBERING", value_parser = whose, default_value = "file", help_heading = "Input")]
     pub numbering: Whose,
 
-    /// What vertices of the file are given that no face uses: none (not a number), or what the nearest vertex has
+    /// Value for vertices of the file that no face uses: none (not a number), or that of the nearest vertex
     #[arg(long, value_name = "HOW", value_parser = extension, default_value = "none", help_heading = "Input")]
     pub extend: Extension,
 }

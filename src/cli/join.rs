@@ -17,14 +17,14 @@ use super::solve::report::Run;
 use super::work::{Prepared, WorkArguments};
 use super::{CliError, StageBars};
 
-/// Join the parts of an eigenbasis that `solve --part` wrote, and judge the whole by what they bring along
+/// Join the parts of an eigenbasis that `solve --part` wrote, and certify the whole from what they carry
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct JoinArguments {
     #[command(flatten)]
     work: WorkArguments,
 
-    /// All parts, in any order; what was asked for stands in them
+    /// All parts, in any order; they hold the parameters of the solve
     #[arg(value_name = "PART.npz", required = true)]
     parts: Vec<PathBuf>,
 }
@@ -39,7 +39,9 @@ Examples:
 pub fn join(arguments: JoinArguments) -> Result<ExitCode, CliError> {
     let JoinArguments { work, parts } = arguments;
     if !work.named.is_empty() {
-        return Err(CliError::Usage("--parameter: what is joined was asked for when its parts were solved".to_owned()));
+        return Err(CliError::Usage(
+            "--parameter: parameters are set when the parts are solved, not when they are joined".to_owned(),
+        ));
     }
     let Sorted { job, parts, files } = Sorted::of(&parts)?;
     let memory = |prepared: &Prepared, bars: &StageBars| {
@@ -50,7 +52,7 @@ pub fn join(arguments: JoinArguments) -> Result<ExitCode, CliError> {
     let finished = work.run_by(&job, memory, |job, mesh, solid, bars| {
         job.join_parts(mesh, solid, parts, &mut |number| read(&files, number, parts), bars)
     })?;
-    let wrong = || CliError::Service("the parts made something else than an eigenbasis".to_owned());
+    let wrong = || CliError::Service("the parts did not make an eigenbasis".to_owned());
     let run = Run::of(finished).ok_or_else(wrong)?;
     let text = if work.json { format!("{}\n", run.json(&job)) } else { run.table(&job, &work) };
     std::io::stdout().write_all(text.as_bytes()).map_err(CliError::stdout)?;
@@ -79,8 +81,7 @@ impl Sorted {
             match &first {
                 None => first = Some((plan, about, path)),
                 Some((other, asked, of)) => {
-                    let differs =
-                        other.difference(&plan).or((*asked != about).then_some("something else was asked for"));
+                    let differs = other.difference(&plan).or((*asked != about).then_some("its parameters differ"));
                     if let Some(reason) = differs {
                         let reason = format!("{}: {reason}, unlike {}", path.display(), of.display());
                         return Err(refused(PartError::Foreign { number: number.saturating_add(1), reason }));
@@ -94,7 +95,7 @@ impl Sorted {
         }
         let none = || CliError::Usage("no parts are given".to_owned());
         let (plan, about, path) = first.ok_or_else(none)?;
-        let damaged = || CliError::mesh(path, "this is no part of an eigenbasis");
+        let damaged = || CliError::mesh(path, "not a part written by solve --part");
         let parts = NonZeroUsize::new(plan.parts).ok_or_else(damaged)?;
         if let Some(number) = (0..plan.parts).find(|number| !files.contains_key(number)) {
             return Err(refused(PartError::Missing { number: number + 1, parts: plan.parts }));
@@ -114,7 +115,10 @@ fn head(path: &Path) -> Result<(PartPlan, usize, Value), CliError> {
     let file = std::fs::File::open(path).map_err(|error| CliError::file("read", path, error))?;
     npz::read_part_head(BufReader::new(file)).map_err(|error| match error {
         FormatError::Write(error) => CliError::file("read", path, error),
-        error => CliError::mesh(path, format!("this is no part of an eigenbasis: {error}")),
+        FormatError::Other { found, .. } => {
+            CliError::Refused(format!("{} is {found}, not a part written by solve --part", path.display()))
+        }
+        error => CliError::mesh(path, format!("not a part written by solve --part: {error}")),
     })
 }
 

@@ -25,7 +25,7 @@ use super::{CliError, MeshInput, NumberingArguments, StageBars, Table, grouped, 
 /// Eigenpairs of each shape beyond those of the maps, for its signatures.
 const MORE_PAIRS: usize = 28;
 
-/// Map all shapes of a collection to each other, without landmarks and without a server: poses of one animal, say
+/// Map all shapes of a collection to each other, without landmarks and without a server, such as poses of one animal
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -33,10 +33,10 @@ Examples:
   chladni map-collection scans/*.ply --pairs 60 --no-polish -o maps --json
 
 The folder gets SOURCE-to-TARGET.npy for every ordered pair, a vertex of the source for each vertex of the target (int32, -1 for
-vertices that no face uses), SOURCE-to-TARGET-confidences.npy, and maps.json, which lists them with how consistent they are.
-Maps of an earlier run in it that are not made anew are removed.")]
+vertices that no face uses), SOURCE-to-TARGET-confidences.npy, and maps.json, which lists them and how consistent they are.
+Maps of an earlier run that are not recomputed are removed.")]
 pub struct MapCollectionArguments {
-    /// Mesh files, two to 32: shapes that are nearly isometric, of one topology
+    /// Mesh files, two to 32: shapes that are nearly isometric, with the same topology
     #[arg(value_name = "MESH", required = true)]
     meshes: Vec<PathBuf>,
 
@@ -48,24 +48,24 @@ pub struct MapCollectionArguments {
     #[arg(long, value_name = "K", default_value_t = 100, help_heading = "Method")]
     pairs: usize,
 
-    /// The size of the first maps; 30, or --pairs where these are fewer
+    /// The size of the first maps; 30, or --pairs if that is smaller
     #[arg(long, value_name = "K", help_heading = "Method")]
     start: Option<usize>,
 
-    /// By how much they grow at once
+    /// By how much they grow in one step
     #[arg(long, value_name = "K", default_value_t = 5, help_heading = "Method")]
     step: usize,
 
-    /// Vertices of each surface that stand for it meanwhile
+    /// Number of vertices that represent each surface meanwhile
     #[arg(long, value_name = "N", default_value_t = 2000, help_heading = "Method")]
     samples: usize,
 
-    /// Let maps turn surfaces inside out: for faces that are not counter-clockwise all the same way. The sides of a
-    /// symmetric shape cannot be told apart then
+    /// Let maps turn surfaces inside out, for meshes whose faces are not all counter-clockwise. The two sides of a
+    /// symmetric shape can then not be told apart
     #[arg(long, help_heading = "Method")]
     no_orientation: bool,
 
-    /// Leave out the last steps, in which each pair is refined by itself: faster, and a little more consistent
+    /// Leave out the last steps, in which each pair is refined separately: faster, and slightly more consistent
     #[arg(long, help_heading = "Method")]
     no_polish: bool,
 
@@ -82,7 +82,7 @@ pub struct MapCollectionArguments {
     #[arg(long, value_name = "WHEN", value_parser = merge, default_value = "auto", help_heading = "Input")]
     merge: Merge,
 
-    /// The format of all meshes; recognised from name and content where it is not given
+    /// The format of all meshes; recognised from name and content by default
     #[arg(long, value_name = "FORMAT", value_parser = format, help_heading = "Input")]
     format: Option<MeshFormat>,
 
@@ -290,9 +290,9 @@ fn table(found: &MapCollection, solved: &[Solved], names: &[String], folder: &Pa
     let around = found
         .cycles
         .triples
-        .map_or(String::new(), |triples| format!(", around over two other shapes {:.2} %", 100.0 * triples));
+        .map_or(String::new(), |triples| format!("; through two other shapes {:.2} %", 100.0 * triples));
     format!(
-        "{rows}\nthere and back {:.2} % of the root of the area{around}, in the mean\n{} maps written to {}\n",
+        "{rows}\nmean round-trip error: {:.2} % of sqrt(area){around}\n{} maps written to {}\n",
         100.0 * found.cycles.pairs,
         grouped(found.maps.len()),
         folder.display()

@@ -5,11 +5,11 @@ use crate::config::Secret;
 use crate::store::{Migrated, MigrationError, SharedPlaces, Store, StoreOptions, fault::Faults};
 use std::process::ExitCode;
 
-/// Copy a data folder to a PostgreSQL and an object store, and verify every record and every byte
+/// Copy a data folder to PostgreSQL and an object store, and verify every record and every byte
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct MigrateArguments {
-    /// The PostgreSQL, as postgres://USER:PASSWORD@HOST/DATABASE
+    /// The PostgreSQL database, as postgres://USER:PASSWORD@HOST/DATABASE
     #[arg(long = "to", value_name = "ADDRESS", env = "CHLADNI_DATABASE", hide_env_values = true)]
     database: Secret,
 
@@ -29,13 +29,13 @@ const EXAMPLES: &str = "\
 Examples:
   chladni migrate --data /srv/chladni --to postgres://chladni@db/chladni --objects s3://spectra/lab
 
-No server may run on the folder, and no server or worker on the places that it goes to. Nothing is
-taken away from the folder; it is opened as a server opens it, so that jobs that ran when it was
-last used wait again. Where the copy was interrupted, the same command goes on: content that is
-there already is not copied again. Identifiers, waiting jobs and idempotency keys stay what they
-are. Start servers once it has ended.
+No server may run on the folder, and no server or worker on the destination. Nothing is removed
+from the folder; it is opened as a server opens it, so that jobs that ran when it was last used
+are queued again. After an interruption, run the same command again: content that is already there
+is not copied again. Identifiers, waiting jobs and idempotency keys are preserved. Start servers
+once it has ended.
 
-Exit codes: 0 all was copied and verified; 3 it was not, and why.";
+Exit codes: 0 everything was copied and verified; 3 it was not, and the message says why.";
 
 /// Copies a data folder.
 pub fn migrate(arguments: MigrateArguments) -> Result<ExitCode, CliError> {

@@ -68,18 +68,18 @@ Examples:
   chladni solve bunny.ply --count 500 --output bunny.npz   500 eigenpairs, without a server
   chladni run vibration_basis plate.ply -p thickness=0.001 any kind of job, with the parameters of the API
   chladni batch shapes --kind operators -o op_cache        every mesh of a folder, for learning
-  chladni eigsh S.npz M.npz --count 200                    the same of any sparse symmetric matrices
+  chladni eigsh S.npz M.npz --count 200                    the same for any sparse symmetric matrices
   chladni check scan.obj                                   what is wrong with a mesh, what was repaired
-  chladni verify bunny.npz bunny.ply                       whether a basis is what it says
-  chladni sample genus-3 -n 100000 -o genus-3.ply          a mesh to try things on
+  chladni verify bunny.npz bunny.ply                       whether a basis is what it claims to be
+  chladni sample genus-3 -n 100000 -o genus-3.ply          a mesh to try things out on
 
 Exit codes: 0 done; 1 the mesh or the work failed; 2 wrong usage; 3 a file, the network or the storage failed.
-'chladni COMMAND --help' tells more about a command.";
+Run 'chladni COMMAND --help' for more about a command.";
 
 #[derive(Debug, clap::Subcommand)]
 enum Command {
     Demo(demo::DemoArguments),
-    /// Serve the API over HTTP, with the queue, the storage and workers in processes of their own
+    /// Serve the API over HTTP, with the queue, the storage and workers in separate processes
     #[command(after_help = SERVE_HELP)]
     Serve(Box<Config>),
     Solve(Box<solve::SolveArguments>),
@@ -120,7 +120,7 @@ enum Command {
     #[cfg(feature = "cluster")]
     Migrate(migrate::MigrateArguments),
     Sample(sample::SampleArguments),
-    /// Run jobs of servers that share their records: the settings of `serve`, without an API
+    /// Run jobs for servers that share their records: takes the settings of `serve`, without an API
     #[command(after_help = WORKER_HELP)]
     Worker(Box<Config>),
     WorkerProcess(worker::WorkerArguments),
@@ -134,7 +134,7 @@ Examples:
   chladni serve --data /srv/chladni --workers 2 --threads 16 --log-format json
   chladni serve --listen 0.0.0.0:8080 --keys-file keys    for others: one NAME:SCOPES:SECRET per line
 
-A server that others can reach does not start without API keys unless told --insecure. The first SIGTERM
+A server that others can reach does not start without API keys unless given --insecure. The first SIGTERM
 or Ctrl-C drains: running jobs get --drain-seconds, then they return to the queue. A second one ends the
 process at once.";
 
@@ -143,9 +143,9 @@ Examples:
   chladni worker --database postgres://chladni@db/chladni --objects s3://spectra/lab
   chladni worker --database ... --objects ... --workers 4 --memory-bytes 64GiB --kinds eigenbasis,field_basis
 
-A worker takes what fits its memory and its kinds, of the versions that it knows. The first SIGTERM drains, a
-second one ends it at once; the job of one that is killed goes to another when its lease runs out. It answers
-no requests: settings of the network and of requests have no effect.";
+A worker takes jobs that fit its memory and its kinds, of the solver versions that it knows. The first SIGTERM
+drains it, a second one ends it at once; the job of a killed worker goes to another when its lease expires. It
+answers no requests, so settings of the network and of requests have no effect.";
 
 /// Parses the command line and runs the chosen command.
 pub fn main() -> ExitCode {

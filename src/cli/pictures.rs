@@ -18,11 +18,11 @@ struct PictureArguments {
     #[command(flatten)]
     stored: Stored,
 
-    /// The request, as of the route of the same name under POST /v1/bases/{id}/, as JSON or @FILE
+    /// The request, as for the route of the same name under POST /v1/bases/{id}/, as JSON or @FILE
     #[arg(long, value_name = "JSON", default_value = "{}")]
     request: String,
 
-    /// Write the picture to this file: .png, or of hatchings .svg
+    /// Write the picture to this file: .png, or for hatchings .svg
     #[arg(long, short = 'o', value_name = "FILE")]
     output: PathBuf,
 
@@ -34,7 +34,7 @@ struct PictureArguments {
 /// Draw a hatching along a field of a stored space, without a server
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Without a field in the request it is the one along the principal curvatures of the mesh, smoothed, and of vectors the lowest eigenfield.
+Without a field in the request, lines follow the smoothed principal curvatures of the mesh, or for a basis of vectors the lowest eigenfield.
 
 Examples:
   chladni run field_basis kitten.obj -p dimension=800 -p field=n_vector -p n=2 -o kitten.npz
@@ -48,7 +48,7 @@ pub struct HatchingArguments {
 /// Paint fur along a vector field of a stored space, without a server
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Without a field in the request the fur is combed downwards and backwards; without a length it is a twentieth of the diagonal of the mesh.
+Without a field in the request, the fur is combed downwards and backwards; its length is by default a twentieth of the diagonal of the mesh.
 
 Examples:
   chladni run field_basis kitten.obj -p dimension=800 -o kitten.npz
@@ -128,7 +128,7 @@ fn object(text: &str) -> Result<Value, CliError> {
     let value = json_argument("--request", text)?;
     match value.is_object() {
         true => Ok(value),
-        false => Err(CliError::Usage("--request: is no JSON object".to_owned())),
+        false => Err(CliError::Usage("--request must be a JSON object".to_owned())),
     }
 }
 

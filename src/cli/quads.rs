@@ -20,12 +20,12 @@ pub struct QuadsArguments {
     #[command(flatten)]
     input: MeshInput,
 
-    /// The request of POST /v1/meshes/{id}/quads as JSON, or @FILE; vertices and faces are those of the mesh as it is
-    /// kept
+    /// The request of POST /v1/meshes/{id}/quads as JSON, or @FILE; vertices and faces are those of the mesh after
+    /// repairs
     #[arg(long, value_name = "JSON", default_value = "{}")]
     request: String,
 
-    /// Write the surface with texture coordinates to this OBJ file, or with another ending to a legacy VTK file
+    /// Write the surface with texture coordinates to this OBJ file, or with another extension to a legacy VTK file
     #[arg(long, short = 'o', value_name = "FILE")]
     output: Option<PathBuf>,
 

@@ -5,11 +5,11 @@ use crate::store;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Make a data folder of a backup, after every hash in it was checked
+/// Create a data folder from a backup, after checking every hash in it
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct RestoreArguments {
-    /// Folder of the backup; it stays as it is
+    /// Folder of the backup; it is not changed
     #[arg(value_name = "FOLDER")]
     backup: PathBuf,
 

@@ -3,6 +3,7 @@
 use std::io::Write;
 use std::process::ExitCode;
 
+use chladni_spectral::basis::ProductKind;
 use chladni_work::{JobParameters, MESH_KINDS};
 use serde_json::{Map, Value};
 
@@ -14,15 +15,27 @@ use super::{CliError, Table, bytes, grouped};
 #[command(after_help = EXAMPLES)]
 pub struct RunArguments {
     /// Kind of job: eigenbasis, field_basis, operator_family, vibration_basis
-    #[arg(value_name = "KIND", value_parser = clap::builder::PossibleValuesParser::new(MESH_KINDS))]
+    #[arg(value_name = "KIND", value_parser = kind)]
     kind: String,
 
-    /// Parameters of the job as a JSON object, or @FILE; what is absent takes its default
+    /// Parameters of the job as a JSON object, or @FILE; parameters that are absent take their defaults
     #[arg(long, value_name = "JSON", help_heading = "Method")]
     parameters: Option<String>,
 
     #[command(flatten)]
     work: WorkArguments,
+}
+
+/// A kind of job on a mesh; for those on something else, the command that has them.
+fn kind(text: &str) -> Result<String, String> {
+    if MESH_KINDS.contains(&text) {
+        return Ok(text.to_owned());
+    }
+    Err(match ProductKind::of_name(text) {
+        Some(ProductKind::PencilBasis) => "pairs of matrices are computed by `chladni eigsh`".to_owned(),
+        Some(ProductKind::MapCollection) => "maps of shapes are computed by `chladni map-collection`".to_owned(),
+        _ => format!("possible values: {}", MESH_KINDS.join(", ")),
+    })
 }
 
 const EXAMPLES: &str = "\

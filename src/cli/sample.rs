@@ -18,7 +18,7 @@ pub struct SampleArguments {
     #[arg(value_name = "SHAPE", value_parser = shape)]
     shape: Shape,
 
-    /// Vertices wanted; the mesh has the nearest number that the pattern of the shape allows
+    /// Number of vertices; the mesh has the nearest number that the pattern of the shape allows
     #[arg(long, short = 'n', value_name = "N", default_value_t = 10_000)]
     vertices: usize,
 

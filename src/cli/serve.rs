@@ -32,7 +32,7 @@ pub fn serve(config: Config) -> Result<ExitCode, CliError> {
         if !running.store.is_shared()
             && let Err(error) = super::crash_mark::install(&running.store.crash_mark())
         {
-            tracing::warn!(%error, "a crash would not be told from a kill");
+            tracing::warn!(%error, "crash detection is unavailable");
         }
         // One line for scripts, which may have asked for a free port; everything else goes to the log.
         writeln!(io::stdout(), "listening on {}", running.url()).map_err(CliError::stdout)?;
@@ -150,7 +150,7 @@ pub async fn start_on(listener: TcpListener, mut config: Config) -> Result<Runni
 fn check(config: &Config) -> Result<(), CliError> {
     config.validate()?;
     match config.kinds.iter().find(|kind| ProductKind::of_name(kind).is_none()) {
-        Some(kind) => Err(CliError::Usage(format!("--kinds: {kind:?} is no kind of job"))),
+        Some(kind) => Err(CliError::Usage(format!("--kinds: {kind:?} is not a kind of job"))),
         None => Ok(()),
     }
 }
@@ -299,9 +299,9 @@ pub(super) async fn accelerator(choice: &str) -> Result<Arc<gpu::Accelerator>, C
     match accelerator.reason() {
         // That there is no card is as usual.
         Some(reason) if *accelerator.choice() == gpu::GpuChoice::Auto => {
-            tracing::debug!(%reason, "no graphics card takes part");
+            tracing::debug!(%reason, "no GPU is used");
         }
-        Some(reason) => tracing::warn!(%reason, "the graphics card cannot be used; the CPU does its work"),
+        Some(reason) => tracing::warn!(%reason, "the GPU cannot be used; running on the CPU"),
         None => {}
     }
     Ok(accelerator)
@@ -328,7 +328,7 @@ impl Running {
             .and_then(|()| self.state.reload_keys().map_err(|error| error.to_string()));
         match reloaded {
             Ok(keys) => tracing::info!(keys, "API keys reloaded"),
-            Err(reason) => tracing::error!(reason, "the API keys stay as they were"),
+            Err(reason) => tracing::error!(reason, "the API keys are unchanged"),
         }
     }
 

@@ -206,9 +206,11 @@ fn product<T>(
 ) -> Result<T, CliError> {
     let (bytes, _) = read_bytes(path)?;
     npz::check_sums(&bytes).and_then(|()| read(&bytes)).map_err(|error| match kind_of(&bytes) {
-        Some(kind) if kind != wanted.name() => {
-            CliError::mesh(path, format!("it is of the kind {kind}, where one of the kind {} is due", wanted.name()))
-        }
+        Some(kind) if kind != wanted.name() => CliError::Refused(format!(
+            "{} is of the kind {kind}; this command needs one of the kind {}",
+            path.display(),
+            wanted.name()
+        )),
         _ => CliError::mesh(path, error),
     })
 }

@@ -26,37 +26,37 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Judge eigenpairs again, from their mesh or their matrices: residuals, orthonormality, and a count of eigenvalues by
+/// Verify eigenpairs again from their mesh or their matrices: residuals, orthonormality, and a count of eigenvalues by
 /// another factorisation
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct VerifyArguments {
-    /// What was solved, as solve, run, eigsh or a server writes it: an eigenbasis (of fields as well), vibration modes,
-    /// or pairs of matrices, for which MESH is the matrix S
+    /// The result, as written by solve, run, eigsh or a server: an eigenbasis (of fields as well), vibration modes, or
+    /// pairs of matrices, for which MESH is the matrix S
     #[arg(value_name = "BASIS.npz")]
     basis: PathBuf,
 
     #[command(flatten)]
     input: MeshInput,
 
-    /// Operator, where the basis does not say: as for solve
+    /// Operator, if the basis does not say: as for solve
     #[arg(long, value_name = "OPERATOR", help_heading = "Problem")]
     operator: Option<String>,
 
-    /// The mass, of pairs of matrices that had one: as for eigsh
+    /// The mass of pairs of matrices, if they had one: as for eigsh
     #[arg(long, value_name = "M", help_heading = "Problem")]
     mass: Option<PathBuf>,
 
-    /// What is held, where the basis does not list it: rows of matrices, or clamped vertices of a vibration, by their
-    /// numbers from 0; a file of whole numbers
+    /// What is held fixed, if the basis does not list it: rows of matrices, or clamped vertices of a vibration, by
+    /// their numbers from 0; a file of whole numbers
     #[arg(long, value_name = "FILE", help_heading = "Problem")]
     fixed: Option<PathBuf>,
 
-    /// Write a receipt, a JSON file: what was judged, by hashes, and what was found
+    /// Write a receipt, a JSON file: what was verified, by hashes, and what was found
     #[arg(long, value_name = "FILE", help_heading = "Output", conflicts_with = "against")]
     receipt: Option<PathBuf>,
 
-    /// Refuse files that are not those of this receipt
+    /// Refuse files other than those of this receipt
     #[arg(long, value_name = "FILE", help_heading = "Input")]
     against: Option<PathBuf>,
 
@@ -81,7 +81,7 @@ Examples:
   chladni verify modes.npz bell.ply                                   modes of run vibration_basis
   chladni verify pairs.npz S.npz --mass M.npz                         pairs of eigsh
 
-Exit codes: 0 everything is as the basis says; 1 something is not, or the files are not those of the receipt.";
+Exit codes: 0 everything is as the basis claims; 1 something is not, or the files are not those of the receipt.";
 
 /// Findings that a table lists; JSON has all.
 const MOST_LISTED: usize = 20;
@@ -172,14 +172,12 @@ impl VerifyArguments {
             Ok(basis) => basis,
             // Modes have members of their own; of what is neither, the first message tells more.
             Err(error) => {
-                let unjudged = || {
-                    match kind_of(bytes) {
+                let unjudged = || match kind_of(bytes) {
                     Some(kind) => self.unreadable(format!(
-                        "this is of the kind {kind}, which has no eigenpairs to be judged; those of the kinds {} are verified",
+                        "results of kind {kind} have no eigenpairs to verify; only the kinds {} can be verified",
                         JUDGED.map(ProductKind::name).join(", ")
                     )),
                     None => self.unreadable(&error),
-                }
                 };
                 return npz::read_modes(bytes).map(Stored::Modes).map_err(|_| unjudged());
             }
@@ -306,7 +304,7 @@ fn hash(bytes: &[u8]) -> String {
 /// Refuses files that are not those of the receipt.
 fn compare(path: &Path, hashes: &Value) -> Result<(), CliError> {
     let receipt: Value = serde_json::from_slice(&read(path)?)
-        .map_err(|error| CliError::Usage(format!("{}: this is no receipt: {error}", path.display())))?;
+        .map_err(|error| CliError::Usage(format!("{}: not a receipt: {error}", path.display())))?;
     for (file, found) in hashes.as_object().into_iter().flatten() {
         let claimed = &receipt["hashes"][file];
         let id = if file == "stiffness" { &receipt["hashes"]["problem"] } else { claimed };

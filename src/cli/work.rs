@@ -35,7 +35,7 @@ pub struct WorkArguments {
     #[arg(long = "parameter", short = 'p', value_name = "NAME=VALUE", help_heading = "Method")]
     pub named: Vec<String>,
 
-    /// Graphics card for large dense problems: off, auto, its number or a part of its name
+    /// Graphics card for large dense problems: off, auto, its number or part of its name
     #[arg(long, value_name = "CARD", env = "CHLADNI_GPU", help_heading = "Method", default_value = "off", value_parser = card)]
     pub gpu: GpuChoice,
 
@@ -43,13 +43,13 @@ pub struct WorkArguments {
     #[arg(long, value_name = "N", env = "CHLADNI_THREADS", default_value_t = 0, help_heading = "Method", value_parser = threads)]
     pub threads: usize,
 
-    /// Begin even if the estimate says that there is too little memory
+    /// Start even if the estimate says that there is too little memory
     #[arg(long, help_heading = "Method")]
     pub ignore_memory: bool,
 
-    /// Write the result to this file: .npz with everything; of an eigenbasis also .mat (MATLAB, Octave), .csv (a row
-    /// for each vertex), .vtp or .ply (the surface with its eigenfunctions, of its kept vertices; points without faces
-    /// are in the order in which they are kept, along a curve through space)
+    /// Write the result to this file: .npz with everything; for an eigenbasis also .mat (MATLAB, Octave), .csv (a row
+    /// for each vertex), .vtp or .ply (the surface with its eigenfunctions, for the vertices kept after repairs; points
+    /// without faces are in the order in which they are kept, along a curve through space)
     #[arg(long, short = 'o', value_name = "FILE", help_heading = "Output")]
     pub output: Option<PathBuf>,
 
@@ -69,7 +69,7 @@ const MOST_THREADS: usize = 1024;
 pub fn threads(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(count) if count <= MOST_THREADS => Ok(count),
-        _ => Err(format!("a whole number from 0 to {MOST_THREADS} is expected")),
+        _ => Err(format!("expected a whole number from 0 to {MOST_THREADS}")),
     }
 }
 
@@ -360,7 +360,7 @@ pub fn json_argument(flag: &str, text: &str) -> Result<Value, CliError> {
         None => text.to_owned(),
         Some(path) => std::fs::read_to_string(path).map_err(|error| CliError::file("read", Path::new(path), error))?,
     };
-    serde_json::from_str(&read).map_err(|error| CliError::Usage(format!("{flag}: {error}")))
+    serde_json::from_str(&read).map_err(|error| CliError::Usage(format!("{flag} is not valid JSON: {error}")))
 }
 
 /// The largest resident memory of this process so far, in bytes; absent where the system does not tell.
@@ -452,7 +452,9 @@ mod tests {
         let path = folder.path().join("request.json");
         std::fs::write(&path, "[1, 2]").unwrap();
         assert_eq!(json_argument("--request", &format!("@{}", path.display())).unwrap(), json!([1, 2]));
-        assert!(json_argument("--request", "{").unwrap_err().to_string().starts_with("--request: EOF"));
+        assert!(
+            json_argument("--request", "{").unwrap_err().to_string().starts_with("--request is not valid JSON: EOF")
+        );
         assert!(json_argument("--request", "@/no/such/file").unwrap_err().to_string().contains("/no/such/file"));
     }
 }

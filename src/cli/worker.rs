@@ -16,7 +16,7 @@ use std::time::Duration;
 #[derive(Debug, clap::Args)]
 #[command(hide = true)]
 pub struct WorkerArguments {
-    /// Graphics card for large dense problems, as `serve` has it
+    /// Graphics card for large dense problems, as for `serve`
     #[arg(long, default_value = "off")]
     gpu: String,
 

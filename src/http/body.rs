@@ -138,11 +138,11 @@ pub fn reserve(share: &mut Share, bytes: u64) -> Result<(), Problem> {
     share.grow_to(bytes.div_ceil(STEP).saturating_mul(STEP)).map_err(|refused| {
         let detail = match refused {
             Refused::TooMuch { most } => {
-                let detail = format!("The request would take about {bytes} bytes of memory; {most} are the limit.");
+                let detail = format!("The request would take about {bytes} bytes of memory; the limit is {most}.");
                 return Problem::new(&problem::BODY_TOO_LARGE, detail).with("limit", most);
             }
             Refused::Everyone => "Too many large requests are being received at once.",
-            Refused::Client => "Too many large requests of this client are being received at once.",
+            Refused::Client => "Too many large requests from this client are being received at once.",
         };
         Problem::new(&problem::BUSY, detail).retry_after(2)
     })

@@ -64,7 +64,7 @@ fn solve_place(state: &AppState, client: &Arc<str>) -> Result<Share, Problem> {
     state.solve_places.take(client, 1).map_err(|refused| {
         let detail = match refused {
             Refused::Everyone => "Too many solves are waiting.",
-            Refused::Client | Refused::TooMuch { .. } => "Too many solves of this client are waiting.",
+            Refused::Client | Refused::TooMuch { .. } => "Too many solves from this client are waiting.",
         };
         Problem::new(&problem::BUSY, detail).retry_after(1)
     })
@@ -155,7 +155,7 @@ impl ClientState {
         self.watchers.take(&self.name, 1).map_err(|refused| {
             let detail = match refused {
                 Refused::Everyone => "Too many requests are waiting for jobs.",
-                Refused::Client | Refused::TooMuch { .. } => "Too many requests of this client are waiting for jobs.",
+                Refused::Client | Refused::TooMuch { .. } => "Too many requests from this client are waiting for jobs.",
             };
             Problem::new(&problem::BUSY, detail).retry_after(5)
         })

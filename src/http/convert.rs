@@ -70,7 +70,7 @@ impl From<StoreError> for Problem {
             }
             StoreError::Moved { .. } => Self::new(&problem::STORAGE_REPLACED, text),
             StoreError::Damaged { hash, how } => {
-                tracing::error!(content = hash, how, "damaged content was asked for");
+                tracing::error!(content = hash, how, "damaged content was requested");
                 Self::damaged()
             }
             other => Self::internal(other),
@@ -119,7 +119,7 @@ impl From<BasisError> for Problem {
         match error {
             BasisError::Modes { from, to, count } => Self::new(
                 &problem::INVALID_RANGE_OF_MODES,
-                format!("Modes {from}..{to} are asked for of a basis with {count}."),
+                format!("Modes {from}..{to} were requested, but the basis has {count}."),
             )
             .with("count", count),
             BasisError::Rows { found, expected } => {

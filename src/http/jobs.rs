@@ -89,7 +89,7 @@ struct SubmitQuery {
     responses(
         (status = 202, description = "The job is stored; `Location` names it and `Retry-After` says when to look", body = JobResource,
             headers(("Location" = String), ("Retry-After" = u64), ("Chladni-Outcome" = String, description = "created, same-work or replayed"))),
-        (status = 200, description = "Equal work is done, or the job ended while it was waited for: the job, with its basis or why there is none", body = JobResource, headers(("Location" = String))),
+        (status = 200, description = "Equal work was already done, or the job ended during the wait: the job, with its basis or the reason why there is none", body = JobResource, headers(("Location" = String))),
         SubmitJobProblems,
     ),
     security(("bearer" = ["submit"]))

@@ -60,12 +60,12 @@ fn names(operation: &Operation) -> Vec<String> {
 fn unknown(name: &str, known: &[String]) -> Problem {
     let name = problem::shorten(name.to_owned());
     let quoted: Vec<String> = known.iter().map(|name| format!("{name:?}")).collect();
-    let there = match quoted.as_slice() {
-        [] => "there are none".to_owned(),
-        [only] => format!("the only one is {only}"),
-        [others @ .., last] => format!("there are {} and {last}", others.join(", ")),
+    let expected = match quoted.as_slice() {
+        [] => "this route takes none".to_owned(),
+        [only] => format!("expected {only}"),
+        several => format!("expected one of {}", several.join(", ")),
     };
-    Problem::new(&problem::INVALID_QUERY, format!("The query is invalid: {name:?} is no parameter here; {there}."))
+    Problem::new(&problem::INVALID_QUERY, format!("Unknown query parameter {name:?}; {expected}."))
 }
 
 /// Refuses queries with parameters that their operations do not have.
@@ -92,13 +92,13 @@ mod tests {
         let told = |method, path, query| told(method, path, query).unwrap_or_default();
         assert_eq!(
             told(Method::GET, "/v1/meshes/{id}", "foo=1"),
-            r#"The query is invalid: "foo" is no parameter here; there are none."#
+            r#"Unknown query parameter "foo"; this route takes none."#
         );
         assert_eq!(
             told(Method::HEAD, "/v1/jobs/{id}", "wait=1s&wiat=2s"),
-            r#"The query is invalid: "wiat" is no parameter here; the only one is "wait"."#
+            r#"Unknown query parameter "wiat"; expected "wait"."#
         );
-        assert!(told(Method::POST, "/v1/jobs", "f%6Fo").contains(r#""foo" is no parameter here; there are "#));
+        assert!(told(Method::POST, "/v1/jobs", "f%6Fo").contains(r#"Unknown query parameter "foo"; expected one of "#));
         for (method, path, query) in [
             (Method::POST, "/v1/jobs", "wait=1s&numbering=kept&extend=nearest"),
             (Method::POST, "/v1/jobs", ""),

@@ -82,7 +82,7 @@ impl SentMatrices {
                 }
             };
             if twice {
-                return Err(malformed(format!("The part {part:?} is there twice.")));
+                return Err(malformed(format!("The part {part:?} appears twice.")));
             }
         }
         let stiffness = stiffness.ok_or_else(|| malformed("There is no part named stiffness.".to_owned()))?;

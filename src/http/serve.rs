@@ -86,7 +86,7 @@ pub async fn serve(listener: TcpListener, state: AppState, shutdown: impl Future
                         note(&state, address, &error);
                     }
                 }
-                () = taken_away => tracing::debug!(peer = %address, "an idle connection of the reserve gives way"),
+                () = taken_away => tracing::debug!(peer = %address, "closing an idle connection of the reserve to make room"),
             }
             drop(seat);
         });
@@ -112,7 +112,7 @@ fn http(header: Duration) -> http1::Builder {
 
 fn stream_of(stream: TcpStream, patience: Duration) -> Unstalled {
     if let Err(error) = stream.set_nodelay(true) {
-        tracing::debug!(%error, "Nagle's algorithm stays on");
+        tracing::debug!(%error, "could not disable Nagle's algorithm");
     }
     Unstalled::new(stream, patience)
 }

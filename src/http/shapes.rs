@@ -40,7 +40,7 @@ pub(super) async fn plan(state: &ClientState, request: &mut JobRequest) -> Resul
         return Err(Problem::new(&problem::INVALID_REQUEST, "bases: the ids of the bases are missing."));
     };
     if !(2..=MOST_SHAPES).contains(&given.len()) {
-        return Err(refused(format!("there must be 2 to {MOST_SHAPES}, one for each shape, and not {}", given.len())));
+        return Err(refused(format!("there must be 2 to {MOST_SHAPES}, one for each shape, not {}", given.len())));
     }
     let shapes = find(state, &given).await?;
     let stored = |(basis, mesh): &(BasisRecord, MeshRecord)| StoredShape {

@@ -76,7 +76,7 @@ async fn show_maps(
     let shapes = maps.shapes();
     for (name, place) in [("source", query.source), ("target", query.target)] {
         if let Some(place) = place.filter(|&place| place >= shapes) {
-            let detail = format!("{name}: there are shapes 0 to {}, and no {place}.", shapes - 1);
+            let detail = format!("{name}: must be from 0 to {}, not {place}.", shapes - 1);
             return Err(Problem::new(&problem::INVALID_QUERY, detail));
         }
     }

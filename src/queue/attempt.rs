@@ -282,11 +282,11 @@ async fn load_subject(
     loop {
         match shared.store.load_subject(job).await {
             Err(error) if shared.store.is_shared() && error.is_retryable() && begun.elapsed() < SUBJECT_PATIENCE => {
-                tracing::warn!(%error, "what the job is about cannot be read yet");
+                tracing::warn!(%error, "the input of the job cannot be read yet");
             }
             // The job is as good as before, and another worker may be let in.
             Err(error @ StoreError::Refused { .. }) => {
-                tracing::error!(%error, "what the job is about may not be read; this process takes no jobs until it may");
+                tracing::error!(%error, "reading the input of the job is forbidden; this process takes no jobs until it is allowed");
                 shared.note_refusal();
                 settle(shared, &job.kind, Ending::Released, token).await;
                 return Ok(None);
@@ -390,11 +390,11 @@ async fn settle(shared: &Shared, kind: &str, ending: Ending, token: Uuid) {
             // A server that stops does not wait for a storage that refuses: it looks for such leases when it starts
             // again.
             Err(error) if Instant::now() < deadline && error.is_retryable() && !*shared.give_back.borrow() => {
-                tracing::warn!(%error, "the end of an attempt could not be written down yet");
+                tracing::warn!(%error, "the end of an attempt could not be recorded yet");
                 tokio::time::sleep(STORE_PAUSE).await;
             }
             Err(error) => {
-                tracing::error!(%error, "the end of an attempt could not be written down; its lease will run out");
+                tracing::error!(%error, "the end of an attempt could not be recorded; its lease will expire");
                 return;
             }
         }

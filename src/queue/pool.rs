@@ -98,7 +98,7 @@ impl Shared {
             return false;
         }
         if let Err(error) = self.store.reach_content().await {
-            tracing::error!(%error, "no jobs are taken");
+            tracing::error!(%error, "the content store refuses access; this process takes no jobs");
             self.note_refusal();
             return false;
         }
@@ -216,7 +216,7 @@ async fn work(shared: Arc<Shared>, worker: usize, share: usize) {
             None => match thread_pool(worker, share) {
                 Ok(pool) => pool,
                 Err(error) => {
-                    tracing::error!(%error, "no threads for a worker");
+                    tracing::error!(%error, "could not start threads for a worker");
                     tokio::time::sleep(IDLE).await;
                     continue;
                 }
@@ -280,7 +280,7 @@ fn give_way() {
     // On Linux the calling thread alone is meant.
     #[cfg(target_os = "linux")]
     if let Err(error) = rustix::process::setpriority_process(None, 10) {
-        tracing::debug!(%error, "a thread of jobs keeps its priority");
+        tracing::debug!(%error, "could not lower the priority of a job thread");
     }
 }
 
@@ -288,7 +288,7 @@ fn give_way() {
 async fn tend_parts(shared: &Shared) {
     match shared.store.tend_parts().await {
         Ok(ended) => ended.iter().for_each(|job| shared.observer.finished(&job.kind, job.status)),
-        Err(error) => tracing::warn!(%error, "parts of jobs could not be looked after"),
+        Err(error) => tracing::warn!(%error, "could not check on the parts of jobs"),
     }
 }
 
@@ -308,7 +308,7 @@ async fn reap(shared: Arc<Shared>) {
         if shared.options.workers > 0
             && let Err(error) = shared.store.announce_worker(&shared.own).await
         {
-            tracing::debug!(%error, "the other processes do not hear of this one");
+            tracing::debug!(%error, "could not announce this process to the others");
         }
         match shared.store.reap().await {
             Ok(reaped) => {

@@ -59,7 +59,7 @@ pub async fn backup(data: &Path, target: &Path) -> Result<BackupReport, StoreErr
     }
     let folder = DataFolder::open(target)?;
     if std::fs::canonicalize(data).ok() == std::fs::canonicalize(target).ok() {
-        return Err(StoreError::Unavailable { detail: "a data folder is no place for its own backup".to_owned() });
+        return Err(StoreError::Unavailable { detail: "a data folder cannot hold its own backup".to_owned() });
     }
     let mut report = BackupReport::default();
     let mut content = connect(&folder.file(CONTENT), true).await?;
@@ -288,7 +288,7 @@ async fn hold(moment: &mut SqliteConnection, data: &Path) -> Result<Moment, Stor
         }
         sqlx::query("ROLLBACK").execute(&mut *moment).await?;
     }
-    Err(StoreError::Busy { detail: "content came and went at every moment".to_owned() })
+    Err(StoreError::Busy { detail: "content kept changing at every attempt".to_owned() })
 }
 
 /// Copies tables, then rows, then indices and triggers, so that no trigger counts what is copied.

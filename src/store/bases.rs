@@ -132,7 +132,7 @@ impl Store {
                 let (product, bytes) = match &record.storage {
                     BasisStorage::Compact => {
                         let kind = ProductKind::of_name(&record.kind).ok_or_else(|| StoreError::Corrupt {
-                            detail: format!("column kind: {:?} is no kind of basis", record.kind),
+                            detail: format!("column kind: {:?} is not a kind of basis", record.kind),
                         })?;
                         let content = self.verified_blob(&record.content_hash).await?;
                         let bytes = content.len() as u64;

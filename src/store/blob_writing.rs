@@ -304,7 +304,7 @@ impl Store {
             present => {
                 if let Some(damaged) = present {
                     delete_blob(&mut transaction, damaged).await?;
-                    tracing::info!(content = hash, "damaged content is written anew");
+                    tracing::info!(content = hash, "rewriting damaged content");
                 }
                 // The hash and the bytes of content that was made are known only now.
                 sqlx::query("UPDATE blobs SET state = 'ready', hash = ?, bytes = ? WHERE id = ?")

@@ -255,7 +255,7 @@ impl Store {
     async fn why_missing(&self, hash: &str, place: BlobPlace, position: u64) -> StoreError {
         match self.blob_place(hash).await {
             Ok(now) if now == place => self.inner.known.damage(hash, &format!("chunk {position} is missing")),
-            Ok(_) => StoreError::Unavailable { detail: format!("content {hash} was written anew meanwhile") },
+            Ok(_) => StoreError::Unavailable { detail: format!("content {hash} was rewritten in the meantime") },
             Err(error) => error,
         }
     }

@@ -110,7 +110,7 @@ impl Store {
             let problem = JobProblem { kind: "quarantined".to_owned(), detail };
             return finish(on, job, JobStatus::Failed, Some(&problem), now_ms).await;
         }
-        let detail = format!("the process of the job ended {how}{stage}; that is no attempt of the job");
+        let detail = format!("the process of the job ended {how}{stage}; this does not count as an attempt");
         let problem = JobProblem { kind: "worker-lost".to_owned(), detail };
         let pause = self.inner.options.retry_pause.min(StoreOptions::LONGEST_PAUSE);
         requeue(on, job, job.attempt.saturating_sub(1), Some(&problem), now_ms, expiry(now_ms, pause)).await
@@ -153,12 +153,11 @@ impl Store {
         let suspicious = deaths > 0 || interruptions >= SUSPICIOUS_INTERRUPTIONS;
         let doublings = deaths.max(interruptions - SUSPICIOUS_INTERRUPTIONS).clamp(0, 16) as u32;
         let pause = (self.inner.options.retry_pause * (1 << doublings)).min(StoreOptions::LONGEST_PAUSE);
-        let mut detail = format!("{how} while the job ran{stage}; that is no attempt of the job");
+        let mut detail = format!("{how} while the job ran{stage}; this does not count as an attempt");
         if suspicious {
             let (times, seconds) = (deaths.max(interruptions), pause.as_secs_f64().ceil());
-            detail += &format!(
-                ". The job may be the cause, after {times} such ends: it is tried again in {seconds} s, alone"
-            );
+            detail +=
+                &format!(". After {times} such ends the job may be the cause; it is tried again in {seconds} s, alone");
         }
         let problem = JobProblem { kind: "worker-lost".to_owned(), detail };
         let not_before_ms = if suspicious { expiry(now_ms, pause) } else { now_ms };

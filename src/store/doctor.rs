@@ -179,7 +179,7 @@ impl Store {
                 if let Some(what) = what {
                     let what = format!("basis {}: {what}", basis.id);
                     match self.redo(basis.job, repair).await {
-                        Ok(()) => found.add(what, "its job can be enqueued to solve it anew", repair),
+                        Ok(()) => found.add(what, "its job can be enqueued to recompute it", repair),
                         Err(refusal) => found.add(what, &format!("submit its job again ({refusal})"), false),
                     }
                 }
@@ -227,11 +227,7 @@ impl Store {
                         transaction.commit().await?;
                     }
                     let what = format!("job {}: its basis {basis} is not known", job.id);
-                    found.add(
-                        what,
-                        "the reference can be cleared; equal work is done anew when it is asked for",
-                        repair,
-                    );
+                    found.add(what, "the reference can be cleared; equal work is done again on request", repair);
                 }
             }
             page.from = jobs.next;

@@ -119,8 +119,8 @@ pub enum StoreError {
     },
     /// The two databases of the folder are not, or no longer, those that were used together.
     #[error(
-        "{meta} and {blobs} do not belong together: {detail}. Nothing was changed. Put back both from one copy, or move both away to begin \
-         anew; `chladni doctor --pair` uses them as they are"
+        "{meta} and {blobs} do not belong together: {detail}. Nothing was changed. Restore both from one copy, or move both away to start \
+         afresh; `chladni doctor --pair` uses them as they are"
     )]
     Mismatch {
         /// The database of records.

@@ -181,14 +181,14 @@ async fn tell(store: Weak<Inner>, mut telling: mpsc::UnboundedReceiver<JobEvent>
 async fn send(inner: &Inner, message: String) {
     let sent = sql::query("SELECT 1 FROM (SELECT pg_notify(?, ?)) AS told").bind(WORK).bind(message);
     if let Err(error) = sent.fetch_optional(inner.catalog.reader()).await {
-        tracing::debug!(%error, "other processes hear of a change a second later");
+        tracing::debug!(%error, "could not notify other processes; they poll once a second");
     }
 }
 
 async fn listen(store: Weak<Inner>) {
     loop {
         if let Err(error) = listen_once(&store).await {
-            tracing::warn!(%error, "changes of other processes are heard of once a second until the database answers");
+            tracing::warn!(%error, "polling for changes once a second until the database answers");
         }
         if store.strong_count() == 0 {
             return;
@@ -219,7 +219,7 @@ async fn look(store: Weak<Inner>, work_alone: bool) {
         every.tick().await;
         let Some(inner) = store.upgrade() else { return };
         if let Err(error) = (Store { inner }).look_at_jobs(work_alone).await {
-            tracing::debug!(%error, "jobs could not be looked at");
+            tracing::debug!(%error, "could not read the changed jobs");
         }
     }
 }
@@ -235,7 +235,7 @@ async fn look_at_watched(store: Weak<Inner>) {
             "SELECT id, revision, status, cancel_requested FROM jobs WHERE id = ANY (string_to_array(?, ','))",
         );
         if let Err(error) = (Store { inner }).hear_of(query.bind(watched)).await {
-            tracing::debug!(%error, "jobs that are waited for could not be looked at");
+            tracing::debug!(%error, "could not read the jobs that are waited for");
         }
     }
 }

@@ -104,7 +104,7 @@ impl Store {
             self.faults().reach(FailPoint::AfterEnqueue);
             return Ok(enqueued);
         }
-        Err(StoreError::Busy { detail: "equal work comes and goes".to_owned() })
+        Err(StoreError::Busy { detail: "an equal job keeps being deleted and re-created".to_owned() })
     }
 
     /// What is due once a job was made.
@@ -381,7 +381,7 @@ impl Store {
     /// Enqueues a job again whose basis is damaged. The basis stays on record, and gets new content.
     pub(super) async fn redo_job(&self, id: Uuid) -> Result<JobRecord, StoreError> {
         let job = self.retry_job_now(id, true).await?;
-        tracing::warn!(job = %id, "the basis of a job is damaged; it is solved anew");
+        tracing::warn!(job = %id, "the basis of a job is damaged; recomputing it");
         Ok(job)
     }
 

@@ -371,7 +371,7 @@ impl Store {
         let reaped = self.reap_leases(self.now_ms()).await?;
         // What was reaped is to be heard of, whatever becomes of the rest.
         if let Err(error) = self.tend().await {
-            tracing::warn!(%error, "the house could not be tended");
+            tracing::warn!(%error, "periodic maintenance failed");
         }
         Ok(reaped)
     }

@@ -405,7 +405,7 @@ impl Store {
             self.keep_pair().await
         };
         if let Err(error) = ended.await {
-            tracing::debug!(%error, "the last notes were not written down");
+            tracing::debug!(%error, "the last notes could not be recorded");
         }
         #[cfg(feature = "cluster")]
         if let Some(hearing) = self.inner.hearing.get() {

@@ -99,7 +99,7 @@ impl Objects {
             return Ok(Self { patient: Arc::clone(&store), store, signer: None, records });
         }
         let Some(place) = address.strip_prefix("s3://") else {
-            return Err(refuse("an address begins with s3:// or file://".to_owned()));
+            return Err(refuse("the URL must begin with s3:// or file://".to_owned()));
         };
         let S3 { hasty, patient, prefix } = S3::open(place).map_err(refuse)?;
         let within = |store: AmazonS3| -> Arc<dyn ObjectStore> {
@@ -331,7 +331,9 @@ impl Objects {
                         });
                     }
                     // It is told again with the next part, and an hour may pass until then.
-                    Err(error) if upload.patient => tracing::warn!(%error, "the database hears of an upload later"),
+                    Err(error) if upload.patient => {
+                        tracing::warn!(%error, "recording the upload in the database was deferred")
+                    }
                     Err(error) => return Err(error.into()),
                 }
             }
@@ -433,7 +435,7 @@ impl Objects {
                 return Ok(());
             }
         }
-        Err(StoreError::Busy { detail: format!("content {hash} comes and goes") })
+        Err(StoreError::Busy { detail: format!("content {hash} keeps being deleted and re-created") })
     }
 
     async fn try_ready(

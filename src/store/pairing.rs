@@ -70,7 +70,7 @@ pub(super) async fn check_content(folder: &DataFolder, meta: &Database) -> Resul
     if meshes == 0 {
         return Ok(());
     }
-    Err(mismatch(folder, &format!("blobs.db is missing or empty, and meta.db knows {meshes} meshes")))
+    Err(mismatch(folder, &format!("blobs.db is missing or empty, and meta.db refers to {meshes} meshes")))
 }
 
 /// Compares the databases, pairs those that never were, and writes down that they were opened together. With `anyway`

@@ -157,7 +157,7 @@ impl Store {
             self.announce(&job);
             return Ok(DivideAnswer::Divided(Box::new(job)));
         }
-        Err(StoreError::Busy { detail: "equal parts come and go".to_owned() })
+        Err(StoreError::Busy { detail: "equal parts keep being deleted and re-created".to_owned() })
     }
 
     /// Finds or makes the parts of a job; gives those that are new. `None` where another process was faster with an

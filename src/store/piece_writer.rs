@@ -23,7 +23,7 @@ impl PieceWriter {
     fn hand_on(&mut self) -> io::Result<()> {
         let piece = std::mem::take(&mut self.piece);
         // Whoever writes the pieces down has given up, and says why himself.
-        self.sender.blocking_send(piece.into()).map_err(|_| io::Error::other("the storage took no more"))
+        self.sender.blocking_send(piece.into()).map_err(|_| io::Error::other("the storage accepted no more data"))
     }
 
     /// Hands the last piece on; gives the hasher of all that was written.

@@ -72,7 +72,7 @@ impl Postgres {
             match Self::connect([&shared, &direct], pooler, most, busy_timeout).await {
                 Err(error) if error.is_retryable() && begun.elapsed() < patience => {
                     if !std::mem::replace(&mut told, true) {
-                        tracing::warn!(%error, "the database is waited for, {} s at most", patience.as_secs_f64());
+                        tracing::warn!(%error, "waiting for the database, {} s at most", patience.as_secs_f64());
                     }
                     tokio::time::sleep(Duration::from_millis(250)).await;
                 }

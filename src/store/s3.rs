@@ -39,7 +39,7 @@ impl S3 {
         let (path, settings) = place.split_once('?').unwrap_or((place, ""));
         let (bucket, prefix) = path.split_once('/').unwrap_or((path, ""));
         if bucket.is_empty() {
-            return Err("a bucket is missing behind s3://".to_owned());
+            return Err("the bucket is missing after s3://".to_owned());
         }
         install_cryptography();
         let mut builder = AmazonS3Builder::from_env().with_bucket_name(bucket);
@@ -90,11 +90,11 @@ fn setting(name: &str) -> Result<AmazonS3ConfigKey, Refusal> {
         Key::Endpoint | Key::Region | Key::VirtualHostedStyleRequest | Key::SkipSignature | Key::UnsignedPayload => {
             Ok(key)
         }
-        Key::AccessKeyId | Key::SecretAccessKey | Key::Token => Err(format!(
-            "{name} does not belong into an address, which others see: keys are taken from AWS_ACCESS_KEY_ID and its kin"
-        )),
+        Key::AccessKeyId | Key::SecretAccessKey | Key::Token => {
+            Err(format!("{name} must not be in the URL; set AWS_ACCESS_KEY_ID and related variables"))
+        }
         _ => Err(format!(
-            "an address has no setting {name:?}; it may have endpoint, region, virtual_hosted_style_request, unsigned_payload and skip_signature, and the environment all others"
+            "the URL takes no setting {name:?}; it takes endpoint, region, virtual_hosted_style_request, unsigned_payload and skip_signature. Set all others in the environment"
         )),
     }
 }

@@ -194,7 +194,7 @@ async fn signatures_come_for_some_vertices_and_for_all() {
                 json!({"signature": {"kind": "heat_kernel", "times": [0.0]}}),
                 422,
                 "invalid-analysis",
-                "time: must be a finite number above zero, not 0",
+                "time: must be a finite positive number, not 0",
             ),
             (
                 json!({"signature": {"kind": "heat_kernel", "count": 0}}),

@@ -253,7 +253,7 @@ async fn queries_are_refused_in_words() {
         ("numbering=mine", r#"numbering must be "file" or "kept", got "mine"."#),
         (
             "foo=1",
-            r#""foo" is no parameter here; there are "numbering", "extend", "from", "to", "format" and "dtype"."#,
+            r#"Unknown query parameter "foo"; expected one of "numbering", "extend", "from", "to", "format", "dtype"."#,
         ),
     ] {
         let refused = app.get(&format!("/v1/bases/{basis}/modes?{query}")).send().await.unwrap();

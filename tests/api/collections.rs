@@ -162,7 +162,7 @@ async fn maps_are_made_in_the_queue_kept_and_found_again() {
     assert_eq!(one["maps"].as_array().unwrap().len(), 1);
     assert_eq!((&one["maps"][0]["points"], &one["maps"][0]["matrix"]["columns"]), (&own["points"], &json!(40)));
     let refused = problem(app.get(&format!("{maps}?source=3")).send().await.unwrap(), 400, "invalid-query").await;
-    assert_eq!(refused["detail"], "source: there are shapes 0 to 2, and no 3.");
+    assert_eq!(refused["detail"], "source: must be from 0 to 2, not 3.");
 
     let content = app.get(&format!("/v1/bases/{id}/content")).send().await.unwrap().bytes().await.unwrap();
     let stored = npz::read_maps(&content).unwrap();
@@ -210,7 +210,7 @@ async fn what_cannot_be_mapped_is_refused_by_name() {
         (bare(json!(vec![one[1].clone(); 33])), 422, "invalid-parameter/bases", "not 33"),
         (bare(json!([one[1], nobody])), 404, "unknown-basis", nobody),
         (bare(json!([one[1], "x"])), 404, "unknown-basis", "\"x\""),
-        (bare(json!([one[1], two[1], one[1]])), 422, "invalid-parameter/bases", "bases[2] is bases[0] once more"),
+        (bare(json!([one[1], two[1], one[1]])), 422, "invalid-parameter/bases", "bases[2] duplicates bases[0]"),
         (request(&[one, two, &other_basis], json!({})), 422, "invalid-parameter/bases", "bases[2]"),
         (request(&[one, &graph], json!({})), 409, "incomparable-bases", graph[1].as_str()),
         (request(&[one, &fields], json!({})), 409, "basis-kind", fields[1].as_str()),

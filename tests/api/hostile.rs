@@ -197,10 +197,7 @@ async fn what_is_no_word_and_no_table_is_told_so() {
         (json!("coordinate"), r#"functions must be "coordinates", got "coordinate""#),
         (json!(7), r#"functions must be the word "coordinates" or a table"#),
         (json!({"columns": 1, "values": [0, "x"]}), "functions.values[1]"),
-        (
-            json!({"columns": 1, "value": []}),
-            r#"functions.value is not known here; members are "columns" and "values""#,
-        ),
+        (json!({"columns": 1, "value": []}), r#"unknown member functions.value; expected one of "columns", "values""#),
     ] {
         let refused = problem(ask(functions.clone()).await.unwrap(), 422, "invalid-request").await;
         let detail = refused["detail"].as_str().unwrap();

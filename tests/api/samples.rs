@@ -34,7 +34,7 @@ async fn samples_that_cannot_be_are_refused_by_name() {
     let get = |path: &'static str| app.get(path).send();
     let body = problem(get("/v1/samples/teapot").await.unwrap(), 404, "unknown-sample").await;
     let listed = "sphere, torus, disk, rectangle, knot, bell, violin, starfish, genus-G";
-    assert_eq!(body["detail"], format!("no shape is called 'teapot'; there are {listed}."));
+    assert_eq!(body["detail"], format!("unknown shape 'teapot'; expected one of {listed}."));
     problem(get("/v1/samples/%ff").await.unwrap(), 404, "unknown-sample").await;
     let body = problem(get("/v1/samples/knot?vertices=399").await.unwrap(), 400, "invalid-query").await;
     assert_eq!(body["detail"], "\"vertices\" is 399; the sample knot takes 400 to 500000.");

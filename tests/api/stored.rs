@@ -115,7 +115,7 @@ async fn fields_and_weights_are_uploaded_once_and_named_by_their_ids() {
     for (table, words) in [
         (json!({"columns": 4, "values": vec![1.0; 4 * faces]}), "columns: must be from 1 to 3"),
         (json!({"columns": 3, "values": vec![1.0; faces]}), "rows of 3 are needed"),
-        (json!({"columns": 1, "values": vec![1e39; faces]}), "of face 0 is none in single precision"),
+        (json!({"columns": 1, "values": vec![1e39; faces]}), "of face 0 is out of range for f32"),
     ] {
         let detail = refused(&app, &fields, &table, 422, "invalid-design/stored").await;
         assert!(detail.contains(words), "{detail}");
@@ -180,7 +180,7 @@ async fn a_design_is_saved_named_listed_fetched_and_deleted() {
     assert!(agree.count() > 3 * faces / 4);
     let three = made(&app, &mesh, json!({"field": "n_vector", "n": 3, "dimension": 60})).await;
     let detail = refused(&app, &text(&three["links"]["design"]), &along, 422, "invalid-design/stored").await;
-    assert!(detail.contains("2-vectors makes none of 3-vectors"), "{detail}");
+    assert!(detail.contains("2-vectors cannot be used as one of 3-vectors"), "{detail}");
     posted(&app, &text(&basis["links"]["hatching"]), &json!({"field": {"stored": saved["id"]}, "spacing": 0.2})).await;
     let quads = format!("/v1/meshes/{}/quads", text(&mesh["id"]));
     posted(&app, &quads, &json!({"field": {"stored": saved["id"]}, "spacing": 0.3, "creases": null})).await;

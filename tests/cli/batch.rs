@@ -228,7 +228,7 @@ fn wrong_usage_is_told_before_any_work() {
         (vec!["batch", path, "--kind", "operators", "-o", out], "no mesh file"),
         (vec!["batch", "/no/such/folder", "--kind", "operators", "-o", out], "/no/such/folder"),
         (vec!["batch", path, "--kind", "bases", "-o", out], "eigenbasis"),
-        (vec!["batch", path, "--kind", "pencil_basis", "-o", out], "the kinds are operators"),
+        (vec!["batch", path, "--kind", "pencil_basis", "-o", out], "possible values: operators"),
         (vec!["batch", path, "--kind", "operators", "-n", "0", "-o", out], "at least one eigenpair"),
         (vec!["batch", path, "--kind", "operators", "-p", "a=1", "-o", out], "--parameter"),
         (vec!["batch", path, "--kind", "eigenbasis", "-p", "cuont=1", "-o", out], "cuont"),

@@ -74,31 +74,31 @@ fn parts_that_do_not_make_a_whole_are_refused_in_a_sentence() {
     refused(&["join", text(&mesh), text(&one)], 1, "part 2 of 2 is missing");
     refused(&["join", text(&mesh), text(&one), text(&one)], 2, "are the same part, 1");
     refused(&["join", text(&mesh), text(&one), "/no/such/part.npz"], 3, "/no/such/part.npz");
-    refused(&["join", text(&mesh), text(&one), text(&mesh)], 1, "this is no part of an eigenbasis");
-    refused(&["join", text(&mesh), text(&one), text(&two), "-p", "count=7"], 2, "when its parts were solved");
+    refused(&["join", text(&mesh), text(&one), text(&mesh)], 1, "not a part written by solve --part");
+    refused(&["join", text(&mesh), text(&one), text(&two), "-p", "count=7"], 2, "when the parts are solved");
     let other = surface(folder.path(), 1300);
     refused(
         &["join", text(&other), text(&one), text(&two)],
         1,
-        "part 1 does not belong to the others: it is of another problem",
+        "part 1 does not belong to the others: it belongs to another problem",
     );
     let others = part(&other, "2/2", &[]);
-    refused(&["join", text(&mesh), text(&one), text(&others)], 1, "it is of another problem, unlike");
+    refused(&["join", text(&mesh), text(&one), text(&others)], 1, "it belongs to another problem, unlike");
     let precise = part(&other, "1/2", &["--precision", "f32"]);
-    refused(&["join", text(&other), text(&precise), text(&others)], 1, "something else was asked for, unlike");
+    refused(&["join", text(&other), text(&precise), text(&others)], 1, "its parameters differ, unlike");
     let mut bytes = std::fs::read(&two).unwrap();
     let middle = bytes.len() / 2;
     bytes[middle] ^= 1;
     std::fs::write(&two, &bytes).unwrap();
     refused(&["join", text(&mesh), text(&one), text(&two)], 1, "part 2 is damaged");
     std::fs::write(&two, &bytes[..middle]).unwrap();
-    refused(&["join", text(&mesh), text(&one), text(&two)], 1, "this is no part of an eigenbasis");
+    refused(&["join", text(&mesh), text(&one), text(&two)], 1, "not a part written by solve --part");
     let solve = ["solve", text(&mesh), "-n", "130", "--part"];
     refused(&[&solve[..], &["1/2"]].concat(), 2, "--part needs --output");
     refused(&[&solve[..], &["3/2", "-o", text(&two)]].concat(), 2, "there is no part 3 of 2");
     refused(&[&solve[..], &["1/9", "-o", text(&two)]].concat(), 2, "make at most 2 parts of 64");
     let few = ["solve", text(&mesh), "-n", "5", "--part", "1/2", "-o", text(&two)];
-    refused(&few, 2, "16 pairs are too few: a part takes 64");
+    refused(&few, 2, ": 5 pairs are too few to divide; each part needs at least 64");
     // Nobody is there to divide it.
     for command in ["solve", "run"] {
         let kind: &[&str] = if command == "run" { &["eigenbasis"] } else { &[] };
@@ -106,8 +106,12 @@ fn parts_that_do_not_make_a_whole_are_refused_in_a_sentence() {
             [&[command], kind, &[text(&mesh), "-p", "parts=2", "-p", "count=130", "-p", "method=hsim"]].concat();
         refused(&asked, 2, "divides a job over the workers of a server");
     }
-    refused(&[&solve[..], &["1/2", "-o", text(&two), "--method", "approximate"]].concat(), 2, "is not solved in parts");
-    refused(&[&solve[..], &["1/2", "-o", text(&two), "--operator", "graph"]].concat(), 2, "is not solved in parts");
+    refused(
+        &[&solve[..], &["1/2", "-o", text(&two), "--method", "approximate"]].concat(),
+        2,
+        "cannot be solved in parts",
+    );
+    refused(&[&solve[..], &["1/2", "-o", text(&two), "--operator", "graph"]].concat(), 2, "cannot be solved in parts");
 }
 
 #[test]

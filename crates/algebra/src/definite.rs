@@ -28,7 +28,7 @@ pub enum DefiniteError {
         pivot: usize,
     },
     /// There is not enough memory.
-    #[error("{bytes} bytes of working memory cannot be had")]
+    #[error("could not allocate {bytes} bytes of working memory")]
     Memory {
         /// What was asked for.
         bytes: usize,

@@ -25,7 +25,7 @@ pub enum EigenError {
         b: (usize, usize),
     },
     /// More pairs are wanted than there are.
-    #[error("{count} pairs were asked of a pencil of size {size}")]
+    #[error("{count} pairs were requested of a pencil of size {size}")]
     Count {
         /// How many were asked for.
         count: usize,
@@ -49,7 +49,7 @@ pub enum EigenError {
         pivot: usize,
     },
     /// There is not enough memory.
-    #[error("{bytes} bytes of working memory cannot be had")]
+    #[error("could not allocate {bytes} bytes of working memory")]
     Memory {
         /// What was asked for.
         bytes: usize,

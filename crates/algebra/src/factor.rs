@@ -23,7 +23,7 @@ use super::{MassMatrix, SparseMatrix, WeightedMass};
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum FactorError {
     /// The matrices are not square or not of one size.
-    #[error("a {rows}×{columns} matrix and a mass of size {mass} are no pencil")]
+    #[error("a {rows}×{columns} matrix and a mass of size {mass} do not form a pencil")]
     Shape {
         /// Rows of the matrix.
         rows: usize,
@@ -33,7 +33,7 @@ pub enum FactorError {
         mass: usize,
     },
     /// There are more entries than the ordering can count.
-    #[error("{entries} entries are more than can be ordered")]
+    #[error("{entries} entries are too many to be ordered")]
     TooLarge {
         /// Entries of the matrix.
         entries: usize,
@@ -45,7 +45,7 @@ pub enum FactorError {
         reason: String,
     },
     /// There is not enough memory.
-    #[error("{bytes} bytes for a factorisation cannot be had")]
+    #[error("could not allocate {bytes} bytes for a factorisation")]
     Memory {
         /// About how much was needed.
         bytes: usize,

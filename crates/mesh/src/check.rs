@@ -201,16 +201,14 @@ pub enum MeshError {
         distinct: usize,
     },
     /// Points without faces have no triangles.
-    #[error(
-        "the {points} points have no faces, and no triangles can be made of them: they lie on a line, or next to one"
-    )]
+    #[error("the {points} points have no faces, and no triangles can be made of them: they are (nearly) collinear")]
     PointsOnLine {
         /// Points in the input.
         points: usize,
     },
     /// Of points without faces, some had no triangle however often those were left out.
     #[error(
-        "the {points} points have no faces, and no surface settles on them: {rounds} times some at which no triangle can be made were left out, and {left} are left"
+        "the {points} points have no faces, and no consistent surface was found in {rounds} rounds of dropping points without triangles ({left} are left)"
     )]
     UnsettledPoints {
         /// Points in the input.

@@ -99,7 +99,7 @@ fn what_does_not_fit_is_named() {
         (&format!("{head}2 2 1\n1 1 x\n"), "line 3: \"x\" is no number"),
         (&format!("{head}2 2 2\n1 1 1\n"), "ends after 1 of 2 entries"),
         (&format!("{head}2 2 1\n1 1 1\n2 2 1\n"), "line 4: there are more than 1 entries"),
-        (&format!("{head}9999999999 2 1\n"), "9999999999 rows are more than"),
+        (&format!("{head}9999999999 2 1\n"), "9999999999 rows exceed"),
     ] {
         let message = read(text.as_bytes()).unwrap_err().to_string();
         assert!(message.contains(expected), "{message}");
@@ -112,12 +112,12 @@ fn what_does_not_fit_is_named() {
         (parts(&[0, 1, 2, 3], &[0, 1, 3]), "row 2: column 3 is out of range"),
         (parts(&[0, 1, 2, 3], &[0, -1, 2]), "'indices': -1 is no number"),
         (parts(&[0, 1], &[0]), "row offset 0 is out of order"),
-        (archive("lil", &[]), "matrices of the format \"lil\" are not read"),
+        (archive("lil", &[]), "matrices of the format \"lil\" are not supported"),
         (archive("csr", &[]), "'indptr': it is missing"),
         (b"PK\x03\x04 nothing".to_vec(), "the archive is damaged"),
-        (b"nothing".to_vec(), "it is no matrix"),
+        (b"nothing".to_vec(), "this is not a matrix"),
         (npy("<f8", "1, 2, 2", &[0; 32]), "a diagonal is a list of numbers"),
-        (npy("<c16", "1,", &[0; 16]), "`<c16` are not read"),
+        (npy("<c16", "1,", &[0; 16]), "`<c16` are not supported"),
     ] {
         let message = read(&bytes).unwrap_err().to_string();
         assert!(message.contains(expected), "{message}");
@@ -131,7 +131,7 @@ fn what_does_not_fit_is_named() {
     assert!(message.contains("'data': it is damaged"), "{message}");
     let few = MatrixLimits { rows: 2, entries: 100 };
     let message = MatrixFile::read(&parts(&[0, 1, 2, 3], &[0, 1, 2]), &few).unwrap_err().to_string();
-    assert_eq!(message, "3 rows are more than the 2 that are read");
+    assert_eq!(message, "3 rows exceed the limit of 2");
 }
 
 const SCRIPT: &str = r#"

@@ -412,7 +412,7 @@ fn fixed_rows_are_taken_out_and_zero_in_the_vectors() {
     let all: Vec<u32> = (0..n as u32 + 2).collect();
     assert!(matches!(Pencil::new(stiffness.clone(), Mass::Identity, &all, &Unwatched), Err(PencilError::Empty)));
     let beyond = Pencil::new(stiffness, Mass::Identity, &[9, 5000], &Unwatched).unwrap_err();
-    assert_eq!(beyond.to_string(), "row 5000 is to be fixed, of 1602 rows");
+    assert_eq!(beyond.to_string(), "fixed row 5000 is out of range (the matrix has 1602 rows)");
 }
 
 #[test]
@@ -426,7 +426,7 @@ fn what_is_no_pencil_is_refused_by_its_first_entry() {
     let half = matrix(3, &[(0, 2, 0.5)]);
     assert_eq!(refused(&half, Mass::Identity), "S is not symmetric: S[0, 2] is 0.5, S[2, 0] is 0");
     assert_eq!(refused(&matrix(2, &[(1, 0, f64::NAN)]), Mass::Identity), "S[1, 0] is NaN");
-    assert_eq!(refused(&identity, Mass::Diagonal(vec![1.0, 2.0])), "M is 2 × 2; 3 × 3, as S is, is needed");
+    assert_eq!(refused(&identity, Mass::Diagonal(vec![1.0, 2.0])), "M must be 3 × 3, as S is, got 2 × 2");
     assert_eq!(refused(&identity, Mass::Diagonal(vec![1.0, 0.0, 1.0])), "M is not positive definite: M[1, 1] is 0");
     assert_eq!(refused(&identity, Mass::Diagonal(vec![1.0, f64::INFINITY, 1.0])), "M[1, 1] is inf");
     let rank_one = matrix(3, &(0..9).map(|k| (k / 3, k % 3, 1.0)).collect::<Vec<_>>());

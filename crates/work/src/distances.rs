@@ -83,10 +83,10 @@ pub struct DistanceRequest {
 #[derive(Debug, thiserror::Error)]
 pub enum DistanceFault {
     /// It is not clear between what.
-    #[error("either sources or pairs are needed, not both")]
+    #[error("give either sources or pairs, not both")]
     Between,
     /// There is nothing to measure from.
-    #[error("either sources or pairs are needed, and neither is given")]
+    #[error("give either sources or pairs; neither was given")]
     Nowhere,
     /// Nothing flows.
     #[error("time: exact geodesic distances take no time step")]

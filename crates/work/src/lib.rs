@@ -79,7 +79,7 @@ pub const KINDS: &[&str] =
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ParameterError {
     /// There is no such kind of job.
-    #[error("there is no job of kind \"{kind}\"; the kinds are: {}", KINDS.join(", "))]
+    #[error("unknown kind of job \"{kind}\"; expected one of {}", KINDS.join(", "))]
     UnknownKind {
         /// The kind asked for.
         kind: String,
@@ -119,7 +119,7 @@ pub enum JobError {
     Parameters(#[from] ParameterError),
     /// What it needs was counted, and is more than it was promised.
     #[error(
-        "the job needs about {needed} bytes of memory, as was counted before its work began, and was promised {promised}"
+        "the job needs about {needed} bytes of memory, as counted before its work began, but may use only {promised}"
     )]
     Memory {
         /// About how much is needed.

@@ -109,7 +109,7 @@ impl MapCollectionParameters {
         check_sizes(shapes, &fitted.request()).map_err(|error| match error {
             AnalysisError::Count { what: what @ ("shapes" | "matches"), found, least, most } => {
                 let what = if what == "shapes" { "shapes" } else { "vertices, over all maps" };
-                value("bases", format!("there must be {least} to {most} {what}, and not {found}"))
+                value("bases", format!("there must be {least} to {most} {what}, not {found}"))
             }
             AnalysisError::Count { what, found, least, most } => {
                 value(what, format!("must be between {least} and {most} for these shapes, not {found}"))

@@ -62,7 +62,7 @@ pub struct StoredSpectrum {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Unmappable {
     /// It is of the inside of a solid.
-    #[error("bases[{place}], {basis}, is of the inside of a solid; collections are of surfaces")]
+    #[error("bases[{place}], {basis}, is of the interior of a solid; collections are of surfaces")]
     Solid {
         /// Its place.
         place: usize,
@@ -71,7 +71,7 @@ pub enum Unmappable {
     },
     /// It has no lowest pairs.
     #[error(
-        "bases[{place}], {basis}, holds the pairs of an interval, from number {first} on; shapes are mapped by their lowest ones"
+        "bases[{place}], {basis}, holds the pairs of an interval, starting at pair {first}; shapes are mapped by their lowest pairs"
     )]
     Interval {
         /// Its place.
@@ -82,7 +82,7 @@ pub enum Unmappable {
         first: u64,
     },
     /// It was named before.
-    #[error("bases[{place}] is bases[{before}] once more, {basis}")]
+    #[error("bases[{place}] duplicates bases[{before}], {basis}")]
     Twice {
         /// Its place.
         place: usize,
@@ -175,13 +175,13 @@ mod tests {
         let a = stored("a", "1", &laplace, true);
         let told = |bases: &[StoredSpectrum]| check_collection(bases).map_err(|refused| refused.to_string());
         assert_eq!(told(&[a.clone(), stored("b", "2", &json!({"operator": "robust"}), true)]), Ok(()));
-        assert_eq!(told(&[a.clone(), a.clone()]), Err("bases[1] is bases[0] once more, a".to_owned()));
+        assert_eq!(told(&[a.clone(), a.clone()]), Err("bases[1] duplicates bases[0], a".to_owned()));
         let beside = stored("b", "1", &laplace, true);
         assert_eq!(told(&[a.clone(), beside]), Err("bases[1], b, is of the mesh of bases[0], a".to_owned()));
         let solid = StoredSpectrum { is_of_solid: true, ..stored("b", "2", &laplace, true) };
         assert!(told(&[a.clone(), solid]).unwrap_err().contains("inside of a solid"));
         let interval = StoredSpectrum { first: 7, ..stored("b", "2", &laplace, true) };
-        assert!(told(&[a.clone(), interval]).unwrap_err().contains("from number 7 on"));
+        assert!(told(&[a.clone(), interval]).unwrap_err().contains("starting at pair 7"));
         let hamiltonian = json!({"operator": {"hamiltonian": {"potential": {"curvature": {"t": 0.1}}}}});
         let refused = check_collection(&[a.clone(), stored("b", "2", &hamiltonian, true)]).unwrap_err();
         let Unmappable::Unlike(Unlike { bases, spectra }) = refused else { panic!("{refused:?}") };

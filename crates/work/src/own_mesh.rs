@@ -16,7 +16,7 @@ const ROUNDED: f64 = 4e-6;
 #[derive(Debug, thiserror::Error)]
 pub enum StrangeMesh {
     /// It has other numbers of rows.
-    #[error("the basis has {rows} rows and the mesh {vertices} vertices")]
+    #[error("the basis has {rows} rows, but the mesh has {vertices} vertices")]
     Rows {
         /// Rows of the basis.
         rows: usize,
@@ -25,7 +25,7 @@ pub enum StrangeMesh {
     },
     /// A vertex has another mass: the mesh has another size or shape, or its vertices another order.
     #[error(
-        "the basis is of another mesh: vertex {vertex} has the mass {found} in the basis and {expected} in the mesh, which may be scaled, changed or numbered differently"
+        "the basis does not belong to this mesh: vertex {vertex} has the mass {found} in the basis and {expected} in the mesh, which may be scaled, changed or numbered differently"
     )]
     Mass {
         /// The vertex of the mesh as it is kept.
@@ -37,7 +37,7 @@ pub enum StrangeMesh {
     },
     /// A face has another area.
     #[error(
-        "the basis is of another mesh: face {face} has the area {found} in the basis and {expected} in the mesh, which may be scaled, changed or numbered differently"
+        "the basis does not belong to this mesh: face {face} has the area {found} in the basis and {expected} in the mesh, which may be scaled, changed or numbered differently"
     )]
     Area {
         /// The face of the mesh as it is kept.
@@ -48,7 +48,7 @@ pub enum StrangeMesh {
         expected: f64,
     },
     /// The operator of the basis cannot be made on the mesh.
-    #[error("the basis is of another mesh: {0}")]
+    #[error("the basis does not belong to this mesh: {0}")]
     Operator(JobError),
 }
 

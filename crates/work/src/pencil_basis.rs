@@ -128,7 +128,7 @@ impl PencilBasisParameters {
         // Of stiff matrices single precision keeps no tolerance.
         read.precision.get_or_insert(Precision::F64);
         if read.fixed.len() > MOST_FIXED {
-            let reason = format!("{} rows are more than the {MOST_FIXED} that a job may fix", read.fixed.len());
+            let reason = format!("{} rows exceed the limit of {MOST_FIXED}", read.fixed.len());
             return Err(value("fixed", reason));
         }
         read.fixed.sort_unstable();
@@ -214,7 +214,7 @@ impl PencilBasisParameters {
     /// [`ParameterError::Value`] where they fix rows that are not there, or ask for more pairs than there are.
     pub fn check_problem(&self, size: ProblemSize) -> Result<(), ParameterError> {
         if let Some(row) = self.fixed.iter().find(|&&row| row as usize >= size.rows) {
-            return Err(value("fixed", format!("row {row} is to be fixed, of {} rows", size.rows)));
+            return Err(value("fixed", format!("fixed row {row} is out of range (the matrix has {} rows)", size.rows)));
         }
         let unknowns = size.rows - self.fixed.len();
         if unknowns == 0 {

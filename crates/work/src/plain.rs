@@ -119,15 +119,15 @@ pub fn told(path: &str, said: &str) -> String {
         // The path goes as far as the member, or as what it is in.
         let place = if path == name || path.ends_with(&format!(".{name}")) { path.to_owned() } else { member(name) };
         return match known.strip_prefix("expected ") {
-            Some(known) if known.matches('`').count() == 2 => {
-                format!("{place} is not known here; the only member is {}", listed(known, "and"))
-            }
-            Some(known) => format!("{place} is not known here; members are {}", listed(known, "and")),
-            None => format!("{place} is not known here"),
+            Some(known) => match names(known).as_slice() {
+                [only] => format!("unknown member {place}; expected {only}"),
+                several => format!("unknown member {place}; expected one of {}", several.join(", ")),
+            },
+            None => format!("unknown member {place}"),
         };
     }
     if let Some((found, wanted)) = said.strip_prefix("unknown variant ").and_then(parts) {
-        return format!("{place} must be {}, got {}", listed(&wanted, "or"), quoted(found.trim_matches('`')));
+        return format!("{place} must be {}, got {}", listed(&wanted), quoted(found.trim_matches('`')));
     }
     if let Some(name) = said.strip_prefix("duplicate field ") {
         return format!("{} is given twice", member(name.trim_matches('`')));
@@ -194,10 +194,13 @@ fn thing(found: &str) -> String {
 }
 
 /// ``one of `a`, `b`, `c` `` as `"a", "b" or "c"`.
-fn listed(names: &str, last: &str) -> String {
-    let names: Vec<String> = names.split('`').skip(1).step_by(2).map(quoted).collect();
-    match names.as_slice() {
-        [others @ .., end] if !others.is_empty() => format!("{} {last} {end}", others.join(", ")),
+fn names(said: &str) -> Vec<String> {
+    said.split('`').skip(1).step_by(2).map(quoted).collect()
+}
+
+fn listed(said: &str) -> String {
+    match names(said).as_slice() {
+        [others @ .., end] if !others.is_empty() => format!("{} or {end}", others.join(", ")),
         names => names.concat(),
     }
 }
@@ -301,14 +304,14 @@ mod tests {
             (json!({"pen": "odd"}), r#"pen must be "even", "swelling" or "broad", got "odd""#),
             (json!({"inner": {}}), "inner.face is missing"),
             (json!({"list": [{"face": 1}, {}]}), "list[1].face is missing"),
-            (json!({"list": [{"face": 1, "edge": 2}]}), r#"list[0].edge is not known here; the only member is "face""#),
+            (json!({"list": [{"face": 1, "edge": 2}]}), r#"unknown member list[0].edge; expected "face""#),
             (json!({"inner": [1]}), "inner must be an object, got a list"),
             (json!([]), "the request must be an object, got a list"),
         ] {
             assert_eq!(refusal::<Request>(&value), expected, "{value}");
         }
         let refused = refusal::<Request>(&json!({"much": 1}));
-        assert!(refused.starts_with(r#"much is not known here; members are "count", "times""#), "{refused}");
+        assert!(refused.starts_with(r#"unknown member much; expected one of "count", "times""#), "{refused}");
         let refused = refusal::<Request>(&json!("all"));
         assert_eq!(refused, r#"the request must be an object, got the string "all""#);
     }

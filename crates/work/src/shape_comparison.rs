@@ -126,7 +126,7 @@ pub enum ComparisonFault {
     Labels,
     /// A basis does not begin with its lowest pair.
     #[error(
-        "basis {basis} holds the pairs of an interval, from number {first} on; shapes are compared by their lowest eigenvalues"
+        "basis {basis} holds the pairs of an interval, starting at pair {first}; shapes are compared by their lowest eigenvalues"
     )]
     Interval {
         /// The basis.

@@ -185,7 +185,7 @@ pub struct SimulateAnswer {
 #[derive(Debug, thiserror::Error)]
 pub enum SimulationFault {
     /// There are too many loads.
-    #[error("loads: {0} are given; one request may have {MOST_LOADS}")]
+    #[error("loads: {0} were given; the limit is {MOST_LOADS}")]
     Loads(usize),
     /// The answer would be too large.
     #[error("times: {times} times make {numbers} numbers; one answer may have {most}")]
@@ -198,7 +198,7 @@ pub enum SimulationFault {
         most: usize,
     },
     /// A sound was asked for, and a motion as well.
-    #[error("sound: its answer is a WAV file alone; {0} belongs to requests without a sound")]
+    #[error("sound: the answer is only a WAV file; {0} belongs to requests without a sound")]
     SoundAlone(&'static str),
     /// There is no such vertex.
     #[error("vertices: there is no vertex {vertex}; the object has {vertices}")]

@@ -74,7 +74,7 @@ pub enum TableError {
         columns: usize,
     },
     /// They are too many.
-    #[error("{columns} functions are given; one request may have {MOST_COLUMNS}")]
+    #[error("{columns} functions were given; the limit is {MOST_COLUMNS}")]
     Columns {
         /// Functions.
         columns: usize,

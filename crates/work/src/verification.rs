@@ -82,7 +82,7 @@ pub fn judge(
         surface
             .dual()
             .oriented()
-            .map_err(|at| refused(format!("the Hodge–Laplacian takes an oriented surface: {at}")))?;
+            .map_err(|at| refused(format!("the Hodge–Laplacian needs an oriented surface: {at}")))?;
         return Ok(verify_fields(basis, &surface, parameters.field_boundary(), monitor)?);
     }
     let operator = parameters.assemble(mesh, solid, monitor)?;

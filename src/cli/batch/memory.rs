@@ -34,7 +34,7 @@ impl Promises {
                 return Ok(Promise { of: self, bytes });
             }
             if *taken == 0 {
-                return Err(CliError::Refused(format!("it needs about {bytes} bytes of memory, more than are free")));
+                return Err(CliError::Refused(format!("it needs about {bytes} bytes of memory, more than is free")));
             }
             taken = self.less.wait(taken).unwrap_or_else(PoisonError::into_inner);
         }

@@ -30,25 +30,25 @@ use super::input::MeshOptions;
 use super::work::{OutputFile, insert_named, prepared};
 use super::{CliError, MeshInput, NumberingArguments, seconds};
 
-/// Compute something of every mesh of a folder, without a server: operators for learning, or any kind of job
+/// Compute something for every mesh of a folder, without a server: operators for learning, or any kind of job
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct BatchArguments {
-    /// Folder with mesh files, of any format that is read but NPZ and JSON, as they are or compressed by gzip; folders
-    /// in it are left alone
+    /// Folder with mesh files, of any supported format except NPZ and JSON, plain or compressed with gzip; subfolders
+    /// are left alone
     #[arg(value_name = "FOLDER")]
     folder: PathBuf,
 
-    /// What is computed: operators (frames, mass, Laplacian, eigenpairs and gradients, as a cache of DiffusionNet), or
+    /// What is computed: operators (frames, mass, Laplacian, eigenpairs and gradients, as a cache for DiffusionNet), or
     /// a kind of job: eigenbasis, field_basis, operator_family, vibration_basis
     #[arg(long, value_name = "KIND", value_parser = kind)]
     kind: String,
 
-    /// Folder for the results; made where there is none
+    /// Folder for the results; created if missing
     #[arg(long, short = 'o', value_name = "FOLDER")]
     output: PathBuf,
 
-    /// Eigenpairs of each mesh (operators, eigenbasis, vibration_basis); 128 of operators, else the default of the job
+    /// Eigenpairs of each mesh (operators, eigenbasis, vibration_basis); 128 for operators, else the default of the job
     #[arg(long, short = 'n', value_name = "M")]
     count: Option<usize>,
 
@@ -56,7 +56,7 @@ pub struct BatchArguments {
     #[arg(long = "parameter", short = 'p', value_name = "NAME=VALUE")]
     named: Vec<String>,
 
-    /// Meshes that are worked on at once, each with one thread; 0 for one per core
+    /// Number of meshes to work on at once, each with one thread; 0 for one per core
     #[arg(long, short = 'j', value_name = "N", default_value_t = 0)]
     jobs: usize,
 
@@ -72,7 +72,7 @@ pub struct BatchArguments {
     #[arg(long)]
     json: bool,
 
-    /// Draw no progress
+    /// Draw no progress bar
     #[arg(long, short = 'q')]
     quiet: bool,
 }
@@ -83,8 +83,8 @@ Examples:
   chladni batch scans --kind eigenbasis -n 200 -p method=hsim -o bases
   chladni batch plates --kind vibration_basis -p thickness=0.001 -o modes --jobs 4 --json
 
-A result appears under its name when it is whole: what was interrupted goes on when started again.
-Operators are named by a hash of positions and faces, all else by the file of the mesh.
+A result appears under its name only when it is complete; an interrupted run continues when started again.
+Operators are named by a hash of positions and faces, everything else by the file of the mesh.
 
 Exit codes: 0 all results are there; 1 some meshes failed, each with a line that says why; 2 wrong
 usage; 3 a folder cannot be read or written.";
@@ -93,7 +93,7 @@ fn kind(text: &str) -> Result<String, String> {
     if text == "operators" || MESH_KINDS.contains(&text) {
         return Ok(text.to_owned());
     }
-    Err(format!("the kinds are operators, {}", MESH_KINDS.join(", ")))
+    Err(format!("possible values: operators, {}", MESH_KINDS.join(", ")))
 }
 
 /// What is computed of each mesh.
@@ -112,9 +112,7 @@ impl BatchArguments {
         insert_named(&mut given, &self.named)?;
         let (wanted, parameters) = if self.kind == "operators" {
             if !self.named.is_empty() {
-                return Err(CliError::Usage(
-                    "--parameter is for kinds of job; operators take --count alone".to_owned(),
-                ));
+                return Err(CliError::Usage("--parameter is for kinds of job; operators take only --count".to_owned()));
             }
             let pairs = self.count.unwrap_or(operators::PAIRS);
             if pairs == 0 {

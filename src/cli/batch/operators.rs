@@ -77,7 +77,7 @@ pub fn one(arguments: &BatchArguments, mesh: &Path, pairs: usize, shared: &Share
         assemble(surface, &OperatorParameters::default(), &Unwatched).map_err(|error| refused(&error))?.problem;
     let outcome = job.run_body(surface, None, &Unwatched)?;
     let Product::Eigenbasis(basis) = outcome.product else {
-        return Err(CliError::Service("the job made something else than an eigenbasis".to_owned()));
+        return Err(CliError::Service("the job did not make an eigenbasis".to_owned()));
     };
     let lifted: Vec<f64> = basis.lift(0..count).map_err(|error| refused(&error))?;
     let (n, kept) = (given.len(), surface.positions.len());

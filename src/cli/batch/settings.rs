@@ -27,7 +27,8 @@ pub fn keep(folder: &Path, settings: &Value, replace: bool) -> Result<(), CliErr
         Ok(before) if before == text.as_bytes() => return Ok(()),
         Ok(before) if !replace => {
             let reason = format!(
-                "{} has results of other settings by its file batch.json ({}); choose another folder, or pass --anew",
+                "{} already holds results made with other settings (batch.json: {}); \
+                 choose another folder, or pass --anew",
                 folder.display(),
                 differences(&before, &text)
             );

@@ -24,7 +24,7 @@ pub struct SolveArguments {
     #[command(flatten)]
     work: WorkArguments,
 
-    /// Eigenpairs wanted, the kernel included; 100 where nothing else is said
+    /// Number of eigenpairs, including the kernel; 100 by default
     #[arg(long, short = 'n', value_name = "M", help_heading = "Problem", conflicts_with = "below")]
     count: Option<usize>,
 
@@ -45,8 +45,8 @@ pub struct SolveArguments {
     #[arg(long, value_name = "M", help_heading = "Problem")]
     at_most: Option<usize>,
 
-    /// Operator: auto, laplace, polygon, robust; hodge, of tangential fields (hsim); volume, on the tetrahedra of a
-    /// solid; graph, of the edges alone; extrinsic:T with T from 0 to 1; hamiltonian:T with the potential T (κ1² +
+    /// Operator: auto, laplace, polygon, robust; hodge, for tangential fields (hsim); volume, on the tetrahedra of a
+    /// solid; graph, from the edges alone; extrinsic:T with T from 0 to 1; hamiltonian:T with the potential T (κ1² +
     /// κ2²), or hamiltonian:@FILE with one number for each vertex
     #[arg(long, value_name = "OPERATOR", help_heading = "Problem")]
     operator: Option<String>,
@@ -60,12 +60,12 @@ pub struct SolveArguments {
     mass: Option<String>,
 
     /// How eigenpairs are computed: approximate is fast on large meshes and says how far it is off; hsim goes to any
-    /// tolerance and proves that none is missing; sim is a baseline; auto takes hsim where that needs about a second,
-    /// and approximate elsewhere
+    /// tolerance and proves that none is missing; sim is a baseline; auto takes hsim if that needs about a second, and
+    /// approximate otherwise
     #[arg(long, value_name = "METHOD", help_heading = "Method", value_parser = ["auto", "approximate", "hsim", "sim"], default_value = "auto")]
     method: String,
 
-    /// Largest residual of a pair (hsim, sim); 1e-2 where it is not given
+    /// Largest residual of a pair (hsim, sim); 1e-2 by default
     #[arg(long, value_name = "EPSILON", help_heading = "Method", value_parser = finite)]
     tolerance: Option<f64>,
 
@@ -73,7 +73,7 @@ pub struct SolveArguments {
     #[arg(long, value_name = "NAME", help_heading = "Method", value_parser = ["sliced", "published"])]
     variant: Option<String>,
 
-    /// Levels of the hierarchy, the mesh included; asks for a hierarchy where a Krylov space would serve (hsim)
+    /// Levels of the hierarchy, the mesh included; forces a hierarchy where a Krylov space would do (hsim)
     #[arg(long, value_name = "N", help_heading = "Method")]
     levels: Option<usize>,
 
@@ -85,12 +85,12 @@ pub struct SolveArguments {
     #[arg(long, value_name = "NAME", help_heading = "Method", value_parser = ["heat", "radial"])]
     construction: Option<String>,
 
-    /// How accurate eigenvalues are to be (approximate): no error above 1 % or .3 %, as estimated; any other goal by -p
+    /// Required accuracy of eigenvalues (approximate): no estimated error above 1 % or 0.3 %; any other goal by -p
     /// accuracy.goal=0.005
     #[arg(long, value_name = "LEVEL", help_heading = "Method", value_parser = ["standard", "accurate"])]
     accuracy: Option<String>,
 
-    /// Dimension of the subspace; twice the count, and at least the count plus 150, where it is not given
+    /// Dimension of the subspace; by default twice the count, and at least the count plus 150
     #[arg(long, short = 'd', value_name = "D", help_heading = "Method")]
     dimension: Option<usize>,
 
@@ -98,12 +98,12 @@ pub struct SolveArguments {
     #[arg(long, value_name = "SEED", help_heading = "Method")]
     seed: Option<u64>,
 
-    /// How eigenfunctions are kept: as columns, or projected to a sparse factor times a dense one (hsim)
+    /// How eigenfunctions are stored: as columns, or projected to a sparse factor times a dense one (hsim)
     #[arg(long, value_name = "KIND", help_heading = "Output", value_parser = ["dense", "compact"])]
     storage: Option<String>,
 
-    /// Solve only part K of N, as on one of N machines, and write it to --output; chladni join makes one basis of all
-    /// parts. Parts are of the spectrum (hsim) or of the surface (approximate)
+    /// Solve only part K of N, for example on one of N machines, and write it to --output; chladni join makes one basis
+    /// of all parts. Parts are of the spectrum (hsim) or of the surface (approximate)
     #[arg(long, value_name = "K/N", help_heading = "Method", value_parser = part::which)]
     part: Option<part::WhichPart>,
 
@@ -125,13 +125,13 @@ Examples:
 
 /// Reads a finite number: JSON has no other, and would pass on one as if nothing had been given.
 pub(super) fn finite(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| "a number is expected".to_owned())?;
-    if value.is_finite() { Ok(value) } else { Err("a finite number is expected".to_owned()) }
+    let value: f64 = text.parse().map_err(|_| "expected a number".to_owned())?;
+    if value.is_finite() { Ok(value) } else { Err("expected a finite number".to_owned()) }
 }
 
 /// Reads two finite numbers with a comma between them.
 pub(super) fn interval(text: &str) -> Result<[f64; 2], String> {
-    let (from, to) = text.split_once(',').ok_or("two numbers with a comma between them are expected")?;
+    let (from, to) = text.split_once(',').ok_or("expected two numbers separated by a comma")?;
     Ok([finite(from.trim())?, finite(to.trim())?])
 }
 
@@ -212,7 +212,7 @@ pub fn solve(arguments: SolveArguments) -> Result<ExitCode, CliError> {
         return part::solve(&job, which, &arguments.work);
     }
     let finished = arguments.work.run(&job)?;
-    let wrong = || CliError::Service("the job made something else than an eigenbasis".to_owned());
+    let wrong = || CliError::Service("the job did not make an eigenbasis".to_owned());
     let run = Run::of(finished).ok_or_else(wrong)?;
     let text = if arguments.work.json { format!("{}\n", run.json(&job)) } else { run.table(&job, &arguments.work) };
     std::io::stdout().write_all(text.as_bytes()).map_err(CliError::stdout)?;

@@ -23,7 +23,7 @@ pub struct WhichPart {
 
 /// Reads `K/N`.
 pub fn which(text: &str) -> Result<WhichPart, String> {
-    let words = "K/N is expected, a part of so many, such as 2/4";
+    let words = "expected K/N, part K of N, such as 2/4";
     let (number, parts) = text.split_once('/').ok_or(words)?;
     let number: usize = number.trim().parse().map_err(|_| words)?;
     let parts: NonZeroUsize = parts.trim().parse().map_err(|_| words)?;
@@ -102,7 +102,10 @@ fn table(part: &Part, (number, parts): (usize, NonZeroUsize), path: &Path, total
         }
         (None, Err(reason)) => format!("{of} was given up, and join will solve the whole: {reason}"),
     };
-    format!("{what}, {total:.3} s\nwritten to {}; when all are there: chladni join MESH PART.npz …\n", path.display())
+    format!(
+        "{what}, {total:.3} s\nwritten to {}; when all parts are there: chladni join MESH PART.npz …\n",
+        path.display()
+    )
 }
 
 #[cfg(test)]

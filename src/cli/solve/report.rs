@@ -173,8 +173,8 @@ pub fn storage(stored: u64, dense: u64) -> String {
 pub fn interval_of(first: usize, interval: &Interval) -> String {
     let Interval { from, to, on_bounds } = interval;
     let mut text = match from {
-        Some(from) => format!("\nasked for: from {from}, below {to}\n"),
-        None => format!("\nasked for: below {to}\n"),
+        Some(from) => format!("\nrequested: from {from}, below {to}\n"),
+        None => format!("\nrequested: below {to}\n"),
     };
     if first > 0 {
         text += &format!("the first of these has the index {first} among all, from 0\n");

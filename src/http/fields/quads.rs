@@ -166,7 +166,8 @@ async fn of_basis(
     let refused = |place: &str, reason: String| {
         Problem::within(&problem::INVALID_DESIGN, "basis", format!("field.basis.{place}: {reason}."))
     };
-    let id = Uuid::parse_str(&wanted.id).map_err(|_| refused("id", format!("{:?} is no id of a basis", wanted.id)))?;
+    let id =
+        Uuid::parse_str(&wanted.id).map_err(|_| refused("id", format!("{:?} is not the id of a basis", wanted.id)))?;
     let loaded = LoadedBasis::load(state, id).await?;
     let own = state.store.basis(id).await?.mesh;
     if own != mesh {
@@ -179,7 +180,7 @@ async fn of_basis(
     let crosses = crosses_of(loaded.kind(), &lifted).ok_or_else(|| {
         refused(
             "id",
-            "the fields of the basis make no crosses: it has to be of vectors, n-vectors with n 1, 2 or 4, or tensors"
+            "the fields of the basis do not define crosses: it must be of vectors, n-vectors with n 1, 2 or 4, or tensors"
                 .to_owned(),
         )
     })?;

@@ -142,8 +142,11 @@ fn refused(detail: impl Into<String>) -> Problem {
 /// Raw numbers.
 fn numbers(bytes: &Bytes, dtype: Dtype, columns: usize) -> Result<Vec<f64>, Problem> {
     if bytes.is_empty() || !bytes.len().is_multiple_of(dtype.bytes() * columns.clamp(1, MOST_COLUMNS)) {
-        let detail =
-            format!("{} bytes are no whole number of rows of {columns} numbers in {}.", bytes.len(), dtype.name());
+        let detail = format!(
+            "The length of {} bytes is not a multiple of the row size, {columns} numbers in {}.",
+            bytes.len(),
+            dtype.name()
+        );
         return Err(refused(detail));
     }
     Ok(match dtype {
@@ -174,7 +177,7 @@ fn kept_rows(table: &Table, to: &Translation, faces: usize) -> Result<Vec<f32>, 
     match values.iter().position(|x| !x.is_finite()) {
         Some(at) => {
             let face = to.file_face((at / columns) as u32);
-            let detail = format!("values: the number {:e} of face {face} is none in single precision.", pulled[at]);
+            let detail = format!("values: the number {:e} of face {face} is out of range for f32.", pulled[at]);
             Err(refused(detail).with("face", face))
         }
         None => Ok(values),
@@ -234,7 +237,7 @@ async fn save(
     let length = request.to_string().len();
     if length > LONGEST_REQUEST {
         let detail = format!(
-            "design: a request of {length} bytes is too long to be kept, {LONGEST_REQUEST} are the most: upload its tables (POST /v1/meshes/{{id}}/fields) and name them by their ids."
+            "design: a request of {length} bytes is too long to be kept; the limit is {LONGEST_REQUEST}: upload its tables (POST /v1/meshes/{{id}}/fields) and name them by their ids."
         );
         return Err(Problem::within(&problem::INVALID_DESIGN, "request", detail));
     }

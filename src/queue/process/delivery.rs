@@ -37,7 +37,7 @@ pub(super) fn take(mut worker: Worker, head: &[u8], promised: u64, pool: &Weak<P
     let most = promised.saturating_add(SMALL);
     match delivery {
         Delivery::Whole { kind, bytes } => {
-            let kind = ProductKind::of_name(&kind).ok_or("a product of no kind")?;
+            let kind = ProductKind::of_name(&kind).ok_or("a product of unknown kind")?;
             let mut stream = Stream::new(worker);
             let content = stream.bytes(bytes, most)?;
             worker = stream.into_worker();
@@ -77,7 +77,7 @@ pub(super) fn take(mut worker: Worker, head: &[u8], promised: u64, pool: &Weak<P
             finish(worker, pool).map(|()| Outcome::Parts(Division { parts, memory_bytes }))
         }
         Delivery::Columns { head, rows, columns, precision } => {
-            let precision = Precision::from_name(&precision).ok_or("numbers of no precision")?;
+            let precision = Precision::from_name(&precision).ok_or("unknown precision")?;
             let chunk = rows.checked_mul(precision.bytes()).and_then(|column| column.checked_mul(CHUNK_COLUMNS));
             if chunk.is_none_or(|chunk| chunk as u64 > most) {
                 return Err("columns of more bytes than the job was promised".to_owned());
@@ -209,7 +209,7 @@ impl ColumnSource for PipedColumns {
         let bytes = (rows * width * self.precision.bytes()) as u64;
         let content = stream.bytes(bytes, u64::MAX).map_err(ColumnError::Failed)?;
         let chunk = ColumnChunk::from_bytes(&content, rows, self.precision)
-            .ok_or_else(|| ColumnError::Failed("no whole columns".to_owned()))?;
+            .ok_or_else(|| ColumnError::Failed("the bytes are not a whole number of columns".to_owned()))?;
         state.next += 1;
         if state.next * CHUNK_COLUMNS >= columns {
             finish(stream.into_worker(), &self.pool).map_err(ColumnError::Failed)?;

@@ -31,7 +31,7 @@ fn set(bytes: Option<u64>) {
         (bytes, maximum) => bytes.or(maximum),
     };
     if let Err(error) = setrlimit(Resource::Data, Rlimit { current, maximum }) {
-        tracing::warn!(%error, "the memory of a worker cannot be limited");
+        tracing::warn!(%error, "could not limit the memory of the worker");
     }
 }
 
@@ -44,6 +44,6 @@ pub(super) fn lift() {}
 /// Asks the kernel to end this process before others where memory runs out.
 pub(super) fn go_first() {
     if let Err(error) = std::fs::write("/proc/self/oom_score_adj", "500") {
-        tracing::debug!(%error, "the kernel is not told whom to end first");
+        tracing::debug!(%error, "could not set the OOM score of the worker");
     }
 }

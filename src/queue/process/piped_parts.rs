@@ -41,7 +41,7 @@ impl PartSource for PipedParts {
             return Err(Error::other(format!("parts come in order: {next} before {number}")));
         }
         *next += 1;
-        parts.recv().map_err(|_| Error::other(format!("part {} did not come", number + 1)))
+        parts.recv().map_err(|_| Error::other(format!("part {} did not arrive", number + 1)))
     }
 }
 
@@ -62,6 +62,6 @@ mod tests {
         assert_eq!([copy(0), copy(1)], [Ok(vec![0; 4]), Ok(vec![1; 4])]);
         assert_eq!(copy(1), Err("parts come in order: 2 before 1".to_owned()));
         sending.join().unwrap().unwrap();
-        assert_eq!(copy(2), Err("part 3 did not come".to_owned()));
+        assert_eq!(copy(2), Err("part 3 did not arrive".to_owned()));
     }
 }

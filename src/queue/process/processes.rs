@@ -219,7 +219,7 @@ fn send(worker: &Worker, order: Order, subject: Subject) -> io::Result<Receiver<
     thread::Builder::new().name("worker-orders".to_owned()).spawn(move || {
         // Of the end of a worker hears who attends to it, and of the rest by this.
         if let Err(error) = sending() {
-            tracing::debug!(%error, "an order did not arrive");
+            tracing::debug!(%error, "a request did not reach the worker");
             if error.kind() == io::ErrorKind::Other {
                 let _gone = failed.send(error);
             }
@@ -254,7 +254,7 @@ fn attend(
         if let Ok(error) = unsent.try_recv() {
             // It waits for the rest, and is of no more use.
             worker.kill();
-            let detail = format!("what the job is on could not be read: {error}");
+            let detail = format!("the input of the job could not be read: {error}");
             return Err(JobFailure::Failed { kind: "basis-unavailable".to_owned(), detail, retryable: true });
         }
         let Frame { tag, body } = match worker.hear(LOOK) {

@@ -62,7 +62,7 @@ pub fn work(input: File, output: File, runner: &dyn Runner) -> io::Result<()> {
     // Requests go first where both want a core; threads that begin from here on inherit it.
     #[cfg(target_os = "linux")]
     if let Err(error) = rustix::process::setpriority_process(None, 10) {
-        tracing::debug!(%error, "a worker keeps its priority");
+        tracing::debug!(%error, "could not lower the priority of a worker");
     }
     say(&output, Tag::Ready, &[])?;
     let mut kept: Option<Threads> = None;
@@ -132,7 +132,7 @@ fn listen(input: impl Read, orders: &mpsc::Sender<Incoming>, cancelled: &AtomicU
             Tag::Begin => {
                 let order: Order = serde_json::from_slice(&std::mem::take(&mut text))?;
                 let mut subject = Subject::read(&std::mem::take(&mut subject))
-                    .ok_or_else(|| broken("what the order is about could not be decoded"))?;
+                    .ok_or_else(|| broken("the input of the request could not be decoded"))?;
                 if let Subject::Parts { parts, .. } = &mut subject {
                     let (sender, piped) = PipedParts::new(parts.count());
                     (*parts, joined) = (Arc::new(piped), Some(sender));

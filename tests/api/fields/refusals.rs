@@ -55,7 +55,7 @@ async fn what_cannot_be_designed_is_a_problem_that_names_it() {
         (
             json!({"constraints": [at(3, &up)], "singularities": {"at": [], "exact": true}}),
             "singularities",
-            "give strokes in their place",
+            "use strokes instead",
         ),
         (singular(1.0), "singularities", "Euler characteristic is 2"),
         (singular(0.5), "singularities", "multiple"),

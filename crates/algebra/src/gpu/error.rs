@@ -6,10 +6,10 @@ use chladni_base::Cancelled;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum GpuError {
     /// This build has no support for graphics cards.
-    #[error("this build is without the feature `gpu`")]
+    #[error("this build lacks the feature `gpu`")]
     NotBuilt,
     /// No adapter is there, or none that fits the choice.
-    #[error("no adapter fits \"{wanted}\"; there are: {found}")]
+    #[error("no adapter matches \"{wanted}\"; available: {found}")]
     NoAdapter {
         /// The choice, as it was configured.
         wanted: String,
@@ -25,7 +25,7 @@ pub enum GpuError {
         reason: String,
     },
     /// A kernel computes something else than its twin on the CPU.
-    #[error("kernel {kernel} in {precision} is off by {difference:e} from its twin on the CPU")]
+    #[error("kernel {kernel} in {precision} differs by {difference:e} from its CPU counterpart")]
     SelfTest {
         /// The kernel.
         kernel: &'static str,
@@ -41,7 +41,7 @@ pub enum GpuError {
         reason: String,
     },
     /// There is not enough memory on the device, or a buffer would be larger than it allows.
-    #[error("{bytes} bytes cannot be had on the device")]
+    #[error("could not allocate {bytes} bytes on the device")]
     Memory {
         /// What was asked for.
         bytes: u64,

@@ -41,7 +41,7 @@ pub enum ReadError {
         reason: &'static str,
     },
     /// A kind of the format that is not read, such as binary OFF.
-    #[error("{format} files of the kind `{encoding}` are not read")]
+    #[error("{format} files with encoding `{encoding}` are not supported")]
     UnsupportedEncoding {
         /// The format that was asked for.
         format: MeshFormat,
@@ -127,7 +127,7 @@ pub enum ReadError {
         expected: &'static str,
     },
     /// A word that has no meaning here.
-    #[error("{place}: `{token}` means nothing here")]
+    #[error("{place}: unexpected `{token}`")]
     UnexpectedWord {
         /// Where.
         place: Place,

@@ -101,7 +101,7 @@ impl<'a> Array<'a> {
     fn of(node: Node<'a, '_>, name: &'static str) -> Result<Self, ReadError> {
         let told = |attribute: &str| node.attribute(attribute).unwrap_or_default().trim();
         let unknown = |attribute: &str| {
-            refuse(format!("{name}: `{}` is not read as {attribute}", shorten(told(attribute).as_bytes())))
+            refuse(format!("{name}: `{}` is not supported as {attribute}", shorten(told(attribute).as_bytes())))
         };
         let size = |attribute| told(attribute).parse::<u64>().map_err(|_| unknown(attribute));
         if told("Dimensionality") != "2" || size("Dim1")? != 3 {

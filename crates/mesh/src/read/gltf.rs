@@ -120,7 +120,7 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
     let (json, binary) = if bytes.starts_with(MAGIC) { chunks(bytes)? } else { (bytes, None) };
     let objects = json.iter().filter(|&&byte| byte == b'{').count();
     if objects > MOST_OBJECTS {
-        return Err(refuse(format!("it has {objects} objects; at most {MOST_OBJECTS} are read")));
+        return Err(refuse(format!("it has {objects} objects; the limit is {MOST_OBJECTS}")));
     }
     let document: Document = serde_json::from_slice(json).map_err(|error| refuse(cut(&error.to_string())))?;
     if let Some(needed) = document.extensions_required.iter().find(|name| !HARMLESS.iter().any(|h| name.starts_with(h)))
@@ -206,7 +206,8 @@ struct Reader<'d, 'b, 'l> {
 impl Reader<'_, '_, '_> {
     fn mesh(&mut self, number: usize, place: &Matrix) -> Result<(), ReadError> {
         let mesh = self.document.meshes.get(number);
-        let mesh = mesh.ok_or_else(|| refuse(format!("a node has mesh {number} of {}", self.document.meshes.len())))?;
+        let mesh =
+            mesh.ok_or_else(|| refuse(format!("a node refers to mesh {number} of {}", self.document.meshes.len())))?;
         self.seen.clear();
         self.primitives = self
             .primitives
@@ -229,7 +230,7 @@ impl Reader<'_, '_, '_> {
             return Ok(());
         }
         if mode > 6 {
-            return Err(refuse(format!("there is no mode {mode}")));
+            return Err(refuse(format!("unknown mode {mode}")));
         }
         let Some(accessor) = primitive.attributes.position else { return Ok(()) };
         let (first, count) = self.vertices(accessor, place)?;
@@ -295,10 +296,10 @@ fn elements<'a>(
     let accessor = document.accessors.get(number).ok_or_else(|| wrong("does not exist"))?;
     if accessor.shape != shape || !types.contains(&accessor.component_type) {
         let (shape, kind) = (shorten(accessor.shape.as_bytes()), accessor.component_type);
-        return Err(wrong(&format!("is a {shape} of the type {kind}, which is not read here")));
+        return Err(wrong(&format!("is a {shape} of type {kind}, which is not supported here")));
     }
     if accessor.sparse.is_some() {
-        return Err(wrong("is sparse, which is not read"));
+        return Err(wrong("is sparse, which is not supported"));
     }
     let view = accessor.buffer_view.and_then(|view| document.buffer_views.get(view));
     let view = view.ok_or_else(|| wrong("has no bytes"))?;

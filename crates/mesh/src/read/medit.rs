@@ -69,7 +69,7 @@ fn header(text: &mut Text) -> Result<(), ReadError> {
     }
     match text.integer("a version")? {
         1..=4 => Ok(()),
-        _ => Err(wrong(text, "the version is none of 1 to 4")),
+        _ => Err(wrong(text, "the version is not between 1 and 4")),
     }
 }
 

@@ -24,7 +24,7 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
     let mut source = Source { bytes, at: 4, big_endian: bytes.starts_with(&[0, 0, 0, 1]), version: 1 };
     source.version = match source.integer(4)? {
         version @ 1..=4 => version,
-        _ => return Err(wrong(4, "the version is none of 1 to 4")),
+        _ => return Err(wrong(4, "the version is not between 1 and 4")),
     };
     let mut builder = Builder::new(limits);
     let mut dimension = None;

@@ -99,7 +99,7 @@ impl<'a> Array<'a> {
     pub fn of(node: Node<'a, '_>, coding: Coding<'a>, name: &'static str) -> Result<Self, ReadError> {
         let told = |attribute: &str| node.attribute(attribute).unwrap_or_default().trim();
         let unknown = |attribute: &str| {
-            refuse(format!("{name}: `{}` is not read as {attribute}", shorten(told(attribute).as_bytes())))
+            refuse(format!("{name}: `{}` is not supported as {attribute}", shorten(told(attribute).as_bytes())))
         };
         let kind = Kind::of(told("type")).ok_or_else(|| unknown("type"))?;
         let inside = node.text().unwrap_or_default();

@@ -91,7 +91,7 @@ fn apart(bytes: &[u8]) -> Result<(Cow<'_, str>, Option<Appended<'_>>), ReadError
 /// A number that an element tells, none where it tells nothing.
 fn told_count(node: Node<'_, '_>, attribute: &str) -> Result<u64, ReadError> {
     let text = node.attribute(attribute).unwrap_or("0").trim();
-    text.parse().map_err(|_| refuse(format!("`{}` is not read as {attribute}", shorten(text.as_bytes()))))
+    text.parse().map_err(|_| refuse(format!("`{}` is not supported as {attribute}", shorten(text.as_bytes()))))
 }
 
 fn points<'a>(piece: Node<'a, '_>, coding: Coding<'a>, builder: &mut Builder) -> Result<(), ReadError> {
@@ -248,9 +248,9 @@ mod tests {
             ("NumberOfPoints=\"12\"", "NumberOfPoints=\"4000000000\"", "announces 4000000000"),
             ("NumberOfCells=\"9\"", "NumberOfCells=\"10\"", "offset 9 of 10"),
             ("NumberOfCells=\"9\"", "NumberOfCells=\"4000000000\"", "announces 4000000000"),
-            ("NumberOfCells=\"9\"", "NumberOfCells=\"some\"", "`some` is not read as NumberOfCells"),
+            ("NumberOfCells=\"9\"", "NumberOfCells=\"some\"", "`some` is not supported as NumberOfCells"),
             ("Name=\"connectivity\"", "Name=\"corners\"", "no array `connectivity`"),
-            ("type=\"Float32\"", "type=\"Complex\"", "`Complex` is not read as type"),
+            ("type=\"Float32\"", "type=\"Complex\"", "`Complex` is not supported as type"),
             ("format=\"ascii\"", "format=\"binary\"", "announces 12 of"),
             ("format=\"ascii\"", "format=\"appended\"", "`AppendedData` is missing"),
             (

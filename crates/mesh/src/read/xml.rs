@@ -26,7 +26,7 @@ fn bounded(text: &str, format: MeshFormat) -> Result<(), ReadError> {
     // What an entity stands for is copied, or parsed, wherever it is referred to. Files of these formats declare none
     // of their own.
     if text.contains("<!ENTITY") {
-        return Err(refuse("it declares entities, which are not read".to_owned()));
+        return Err(refuse("it declares entities, which are not supported".to_owned()));
     }
     let count = |sign: u8| text.bytes().filter(|&byte| byte == sign).count();
     for (sign, most) in [(b'<', MOST_TAGS), (b'=', MOST_ATTRIBUTES)] {

@@ -110,7 +110,7 @@ impl FromStr for Shape {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ShapeError {
     /// No shape has this name.
-    #[error("no shape is called '{name}'; there are {}", Shape::NAMES)]
+    #[error("unknown shape '{name}'; expected one of {}", Shape::NAMES)]
     Unknown {
         /// The name.
         name: String,

@@ -207,7 +207,7 @@ fn unpack(bytes: &[u8], basis: &Basis) -> Result<Unpacked, AnalysisError> {
         return Err(refuse(bytes.len(), "the header ends early"));
     }
     if bytes[..4] != MAGIC[..] {
-        return Err(refuse(0, "these are no compressed functions"));
+        return Err(refuse(0, "these are not compressed functions"));
     }
     let (words, _) = bytes[4..20].as_chunks::<4>();
     let [version, pairs, columns, vertices] = [0, 1, 2, 3].map(|k| u32::from_le_bytes(words[k]) as usize);
@@ -215,19 +215,19 @@ fn unpack(bytes: &[u8], basis: &Basis) -> Result<Unpacked, AnalysisError> {
         return Err(refuse(4, "the version is unknown"));
     }
     if vertices != basis.vertices() {
-        return Err(refuse(16, "they are of a mesh with another number of vertices"));
+        return Err(refuse(16, "they belong to a mesh with a different number of vertices"));
     }
     if !(1..=basis.count()).contains(&pairs) {
-        return Err(refuse(8, "they have more modes than the basis, or none"));
+        return Err(refuse(8, "the number of modes is zero or exceeds that of the basis"));
     }
     if !(1..=MOST_FUNCTIONS).contains(&columns) {
-        return Err(refuse(12, "they are too many functions, or none"));
+        return Err(refuse(12, "the number of functions is zero or too large"));
     }
     let mut word = [0; 8];
     word.copy_from_slice(&bytes[20..HEADER]);
     let step = f64::from_le_bytes(word);
     if !(step.is_finite() && step > 0.0) {
-        return Err(refuse(20, "the step is no number above zero"));
+        return Err(refuse(20, "the step is not a positive number"));
     }
     let means = if version == WITH_MEANS as usize { columns } else { 0 };
     let Some(means) = bytes.get(HEADER..HEADER + 8 * means) else {
@@ -243,7 +243,7 @@ fn unpack(bytes: &[u8], basis: &Basis) -> Result<Unpacked, AnalysisError> {
     let planes =
         zstd::bulk::decompress(packed, 4 * count).map_err(|_| refuse(HEADER, "the coefficients are damaged"))?;
     if planes.len() != 4 * count {
-        return Err(refuse(HEADER, "there are not as many coefficients as the header says"));
+        return Err(refuse(HEADER, "the number of coefficients differs from the header"));
     }
     let value = |k: usize| {
         let word = u32::from_le_bytes([0, 1, 2, 3].map(|plane| planes[plane * count + k]));

@@ -10,7 +10,7 @@ use crate::operator::OperatorError;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum AnalysisError {
     /// A parameter is out of its range.
-    #[error("{parameter} is {value}, where {expected} is due")]
+    #[error("{parameter} must be {expected}, got {value}")]
     Parameter {
         /// Its name.
         parameter: &'static str,
@@ -20,7 +20,7 @@ pub enum AnalysisError {
         expected: &'static str,
     },
     /// There are too few or too many of something.
-    #[error("{what}: {found}, where {least} to {most} are due")]
+    #[error("{}", counted(.what, *.found, *.least, *.most))]
     Count {
         /// Of what.
         what: &'static str,
@@ -44,7 +44,7 @@ pub enum AnalysisError {
         vertices: usize,
     },
     /// An eigenvalue is below zero, where a distance needs none to be.
-    #[error("eigenvalue {index} is {value}, and this needs a spectrum without negative values")]
+    #[error("eigenvalue {index} is {value}; this needs a spectrum without negative values")]
     Negative {
         /// Its number, from 0.
         index: usize,
@@ -52,7 +52,7 @@ pub enum AnalysisError {
         value: f64,
     },
     /// A shape has nothing that it could be scaled by.
-    #[error("shape {shape} has no scale: its {what} is {value}, not above zero")]
+    #[error("shape {shape} cannot be scaled: its {what} is {value}, which is not positive")]
     NoScale {
         /// Which shape, from 0.
         shape: usize,
@@ -62,13 +62,13 @@ pub enum AnalysisError {
         value: f64,
     },
     /// A spectrum without an eigenvalue above its kernel.
-    #[error("shape {shape} has no eigenvalue above its kernel: there is nothing to compare")]
+    #[error("shape {shape} has no eigenvalue above its kernel, so there is nothing to compare")]
     NothingAbove {
         /// The shape.
         shape: usize,
     },
     /// The lowest pairs are needed, and the basis holds others.
-    #[error("the basis holds the pairs of an interval, from number {first} on, and this needs the lowest ones")]
+    #[error("the basis holds the pairs of an interval, starting at pair {first}; this needs the lowest pairs")]
     NotLowest {
         /// The index of its first pair.
         first: usize,
@@ -86,7 +86,7 @@ pub enum AnalysisError {
     },
     /// Something does not change with the positions of vertices in a way that is known here.
     #[error(
-        "there is no gradient of {of}; there is one of \"laplace\" and \"volume\", with the mass \"barycentric\" or \"consistent\""
+        "gradients are not available for {of}; they are for \"laplace\" and \"volume\" with the mass \"barycentric\" or \"consistent\""
     )]
     NoDerivative {
         /// Of what.
@@ -94,7 +94,7 @@ pub enum AnalysisError {
     },
     /// Eigenvalues coincide, and a loss depends on which functions of their common space stand for them.
     #[error(
-        "eigenvalues {first} and {second} coincide, and the loss depends on which functions stand for them: let all of a cluster count alike"
+        "eigenvalues {first} and {second} coincide, and the loss depends on the choice of eigenfunctions in their common space; weight all eigenvalues of a cluster equally"
     )]
     Turned {
         /// The lower one, from 0.
@@ -104,7 +104,7 @@ pub enum AnalysisError {
     },
     /// Eigenvalues coincide, and a loss of their functions counts their values differently.
     #[error(
-        "eigenvalues {first} and {second} coincide and count differently: what the loss changes by where they part cannot be told from its derivatives"
+        "eigenvalues {first} and {second} coincide but the loss weights them differently; the gradient is undefined where they coincide"
     )]
     Mixed {
         /// The lower one, from 0.
@@ -114,14 +114,14 @@ pub enum AnalysisError {
     },
     /// A basis ends among eigenvalues that coincide, or misses one.
     #[error(
-        "eigenvalue {index} has others beside it that the basis does not hold: let it end in a gap of the spectrum, further up than what the loss counts"
+        "eigenvalue {index} belongs to a cluster cut off by the basis; end it in a spectral gap above all eigenvalues that the loss uses"
     )]
     Cut {
         /// Its number, from 0.
         index: usize,
     },
     /// An iteration did not come to its end.
-    #[error("the equation for eigenfunction {index} was not solved in {steps} steps")]
+    #[error("the equation for eigenfunction {index} did not converge in {steps} steps")]
     Unsolved {
         /// Its number, from 0.
         index: usize,
@@ -132,7 +132,7 @@ pub enum AnalysisError {
     #[error("geodesic distances need a surface with faces, and the mesh has only points")]
     NoFaces,
     /// Bytes are no compressed functions, or not those of this basis.
-    #[error("byte {at} of the compressed functions: {reason}")]
+    #[error("compressed functions, byte {at}: {reason}")]
     Stream {
         /// Where it was noticed.
         at: usize,
@@ -140,10 +140,10 @@ pub enum AnalysisError {
         reason: &'static str,
     },
     /// A dense eigenproblem failed.
-    #[error("a small eigenproblem was not solved: {0}")]
+    #[error("a small eigenproblem could not be solved: {0}")]
     Eigen(#[from] EigenError),
     /// A least-squares problem failed.
-    #[error("a small system was not solved: {0}")]
+    #[error("a small system could not be solved: {0}")]
     System(#[from] DefiniteError),
     /// A sparse matrix was not factored.
     #[error(transparent)]
@@ -157,6 +157,17 @@ pub enum AnalysisError {
     /// The basis cannot be evaluated.
     #[error(transparent)]
     Basis(#[from] BasisError),
+}
+
+/// How many there may be, in words. Some names are numbers already, the others are of things that are counted.
+fn counted(what: &str, found: usize, least: usize, most: usize) -> String {
+    let number = if matches!(what, "bits" | "count" | "start" | "step") { "" } else { "the number of " };
+    let range = match most {
+        usize::MAX => format!("at least {least}"),
+        most if most == least => least.to_string(),
+        most => format!("between {least} and {most}"),
+    };
+    format!("{number}{what} must be {range}, got {found}")
 }
 
 impl AnalysisError {
@@ -174,7 +185,7 @@ pub(super) fn positive(parameter: &'static str, value: f64) -> Result<(), Analys
     if value.is_finite() && value > 0.0 {
         return Ok(());
     }
-    Err(AnalysisError::Parameter { parameter, value, expected: "a finite number above zero" })
+    Err(AnalysisError::Parameter { parameter, value, expected: "a finite positive number" })
 }
 
 /// Refuses a basis that does not begin with the lowest pair: sums over the spectrum are dominated by what it lacks.

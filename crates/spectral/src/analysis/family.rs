@@ -55,7 +55,7 @@ impl Member {
             if (0.0..=most).contains(&value) {
                 return Ok(());
             }
-            Err(FamilyError::Parameter { name, reason: format!("must lie between 0 and {most}, not be {value}") })
+            Err(FamilyError::Parameter { name, reason: format!("must be between 0 and {most}, not {value}") })
         };
         within("extrinsic", self.extrinsic, 1.0)?;
         within("curvature", self.curvature, 1e6)
@@ -85,7 +85,7 @@ pub fn spectrum(family: &FamilyBasis, member: Member, count: usize) -> Result<Sp
     member.check()?;
     let d = family.dimension();
     if !(1..=d).contains(&count) {
-        let reason = format!("must lie between 1 and {d}, the dimension of the family, not be {count}");
+        let reason = format!("must be between 1 and {d}, the dimension of the family, not {count}");
         return Err(FamilyError::Parameter { name: "count", reason });
     }
     let covered = covered(family, member).min(count);

@@ -8,7 +8,7 @@ use crate::basis::{Basis, BasisError};
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FilterError {
     /// A parameter is not a number one can filter with.
-    #[error("{parameter} is {value}, where {expected} is due")]
+    #[error("{parameter} must be {expected}, got {value}")]
     Parameter {
         /// Its name.
         parameter: &'static str,
@@ -18,15 +18,15 @@ pub enum FilterError {
         expected: &'static str,
     },
     /// There is not one sample for each eigenvalue.
-    #[error("{found} samples for {expected} eigenvalues")]
+    #[error("expected {expected} samples, one for each eigenvalue, got {found}")]
     Samples {
         /// How many there are.
         found: usize,
-        /// How many are due.
+        /// How many there must be.
         expected: usize,
     },
     /// A curve has no points.
-    #[error("points must be one at least")]
+    #[error("points must not be empty")]
     NoPoints,
     /// A sample is infinite or not a number.
     #[error("sample {index} is not finite")]
@@ -145,7 +145,7 @@ impl Transfer {
             }
             Self::Sharpen { cutoff, strength } => {
                 if !(cutoff.is_finite() && cutoff > 0.0) {
-                    let expected = "a finite number above zero";
+                    let expected = "a finite positive number";
                     return Err(FilterError::Parameter { parameter: "cutoff", value: cutoff, expected });
                 }
                 if !(strength.is_finite() && strength >= -1.0) {
@@ -333,16 +333,13 @@ mod tests {
     fn bad_parameters_are_named() {
         let (basis, x) = (chain(10, 3), functions(10, 1));
         let error = |transfer: Transfer| filter(&basis, &x, &transfer).unwrap_err().to_string();
-        assert_eq!(
-            error(Transfer::Heat { time: -1.0 }),
-            "time is -1, where a finite number that is not negative is due"
-        );
+        assert_eq!(error(Transfer::Heat { time: -1.0 }), "time must be a finite number that is not negative, got -1");
         assert!(error(Transfer::LowPass { cutoff: f64::NAN }).starts_with("cutoff is NaN"));
         assert!(error(Transfer::BandPass { low: 2.0, high: 1.0 }).starts_with("high is 1"));
         assert_eq!(error(Transfer::Samples { values: vec![1.0; 2], beyond: 0.0 }), "2 samples for 3 eigenvalues");
         assert!(error(Transfer::Sharpen { cutoff: 0.0, strength: 1.0 }).starts_with("cutoff is 0"));
         assert!(error(Transfer::Sharpen { cutoff: 1.0, strength: -1.5 }).starts_with("strength is -1.5"));
-        assert_eq!(error(Transfer::Curve { points: vec![] }), "points must be one at least");
+        assert_eq!(error(Transfer::Curve { points: vec![] }), "points must not be empty");
         assert_eq!(error(Transfer::Curve { points: vec![[0.0, 1.0], [1.0, f64::NAN]] }), "sample 1 is not finite");
         assert!(error(Transfer::Curve { points: vec![[1.0, 1.0], [1.0, 2.0]] }).starts_with("points is 1"));
         let values = vec![1.0, f64::INFINITY, 0.0];

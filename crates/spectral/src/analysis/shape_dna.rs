@@ -244,14 +244,14 @@ mod tests {
         assert!(error(&held, PLAIN).starts_with("count: 3, where 1 to 2"));
         assert!(error(&two, Comparison { dimensions: 4, count: 2, ..PLAIN }).starts_with("dimensions: 4"));
         let bare = [shape.clone(), spectrum(&[0.0], 1.0)];
-        assert_eq!(error(&bare, PLAIN), "shape 1 has no eigenvalue above its kernel: there is nothing to compare");
+        assert_eq!(error(&bare, PLAIN), "shape 1 has no eigenvalue above its kernel, so there is nothing to compare");
         let flat = [shape, spectrum(&[0.0, 1.0, 2.0], 0.0)];
         let told = error(&flat, Comparison { scale: Scale::Area, count: 2, ..PLAIN });
-        assert_eq!(told, "shape 1 has no scale: its area is 0, not above zero");
+        assert_eq!(told, "shape 1 cannot be scaled: its area is 0, which is not positive");
         for first in [0.0, 1e-12, -1e-12, -0.3] {
             let still = [spectrum(&[0.0, 1.0, 2.0], 1.0), spectrum(&[first, first, 2.0, 3.0], 1.0)];
             let told = error(&still, Comparison { scale: Scale::First, count: 2, ..PLAIN });
-            assert!(told.starts_with("shape 1 has no scale: its first eigenvalue above the kernel is "), "{told}");
+            assert!(told.starts_with("shape 1 cannot be scaled: its first eigenvalue above the kernel is "), "{told}");
         }
     }
 

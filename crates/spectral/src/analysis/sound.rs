@@ -42,7 +42,7 @@ impl Listening {
     pub fn check(&self) -> Result<(), SimulationError> {
         let wrong = |name, reason| Err(SimulationError::Sound { name, reason });
         if !(8_000..=192_000).contains(&self.rate) {
-            return wrong("sample_rate", format!("must lie between 8000 and 192000, not be {}", self.rate));
+            return wrong("sample_rate", format!("must be between 8000 and 192000, not {}", self.rate));
         }
         if !(self.seconds > 0.0 && self.seconds <= 60.0) {
             return wrong("seconds", format!("must be more than 0 and at most 60, not {}", self.seconds));

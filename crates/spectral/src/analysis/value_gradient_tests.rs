@@ -148,10 +148,10 @@ fn what_has_no_gradient_is_refused_by_name() {
     let of = |basis: &Basis, mass, weights: &[f64]| {
         value_gradient(basis, surface, mass, weights, &Unwatched).unwrap_err().to_string()
     };
-    assert_eq!(of(&found, MassKind::Barycentric, &[1.0]), "weights: 1, where 4 to 4 are due");
+    assert_eq!(of(&found, MassKind::Barycentric, &[1.0]), "the number of weights must be 4, got 1");
     let refused = of(&found, MassKind::Barycentric, &[1.0, f64::NAN, 0.0, 0.0]);
-    assert_eq!(refused, "a weight is NaN, where a finite number is due");
-    assert!(of(&found, MassKind::Voronoi, &[1.0; 4]).starts_with("there is no gradient of Voronoi areas"));
+    assert_eq!(refused, "a weight must be a finite number, got NaN");
+    assert!(of(&found, MassKind::Voronoi, &[1.0; 4]).starts_with("gradients are not available for Voronoi areas"));
     for (laplacian, name) in
         [("robust", "the robust Laplacian"), ("graph", "the Laplacian of a graph"), ("volume", "this operator")]
     {

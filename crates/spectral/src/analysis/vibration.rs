@@ -73,7 +73,7 @@ pub enum SimulationError {
         reason: &'static str,
     },
     /// A damping coefficient is negative or not finite.
-    #[error("damping: {name} must be a finite number from 0 on, not {value}")]
+    #[error("damping: {name} must be a finite number of at least 0, not {value}")]
     Damping {
         /// `alpha` or `beta`.
         name: &'static str,
@@ -84,7 +84,7 @@ pub enum SimulationError {
     #[error("initial: {0}")]
     Initial(String),
     /// A time is negative, not finite, or before the one that precedes it.
-    #[error("time {index} is {value}; times must be finite, at least 0, and ascend")]
+    #[error("time {index} is {value}; times must be finite, at least 0 and ascending")]
     Time {
         /// The first such time.
         index: usize,
@@ -100,7 +100,7 @@ pub enum SimulationError {
         reason: String,
     },
     /// A motion is beyond what numbers hold: loads, times or damping are.
-    #[error("the motion at {time} s is larger than numbers can be: its loads, its damping or its time are too large")]
+    #[error("the motion at {time} s overflows: the loads, the damping or the time are too large")]
     Overflow {
         /// The first such time.
         time: f64,

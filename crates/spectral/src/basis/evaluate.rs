@@ -26,7 +26,7 @@ pub enum BasisError {
         count: usize,
     },
     /// A matrix has the wrong number of rows.
-    #[error("{found} values a function where {expected} are due")]
+    #[error("each function must have {expected} values, got {found}")]
     Rows {
         /// The rows of the matrix.
         found: usize,
@@ -34,7 +34,7 @@ pub enum BasisError {
         expected: usize,
     },
     /// There is no such vertex.
-    #[error("item {place} of the vertices is {vertex}, of {vertices}")]
+    #[error("item {place} of the vertices is {vertex}, but there are {vertices} vertices")]
     Vertex {
         /// Where it stands among those asked for.
         place: usize,
@@ -52,7 +52,7 @@ pub enum BasisError {
         error: ColumnError,
     },
     /// The parts of the basis do not fit each other.
-    #[error("the parts of the basis do not fit each other")]
+    #[error("the parts of the basis do not fit together")]
     Inconsistent,
 }
 

@@ -81,12 +81,12 @@ impl PartPlan {
     /// What this plan and another differ in.
     pub fn difference(&self, other: &Self) -> Option<&'static str> {
         let differ = |differ: bool, what| differ.then_some(what);
-        differ(!self.problem.is_as(&other.problem), "it is of another problem")
-            .or(differ((self.parts, self.slices) != (other.parts, other.slices), "it is divided otherwise"))
-            .or(differ(self.columns != other.columns, "it has another subspace"))
-            .or(differ((self.pairs, self.kernel) != (other.pairs, other.kernel), "it has another number of pairs"))
-            .or(differ(self.tolerance != other.tolerance, "it has another tolerance"))
-            .or(differ(self.seed != other.seed, "it has another seed"))
+        differ(!self.problem.is_as(&other.problem), "it belongs to another problem")
+            .or(differ((self.parts, self.slices) != (other.parts, other.slices), "it is divided differently"))
+            .or(differ(self.columns != other.columns, "its subspace differs"))
+            .or(differ((self.pairs, self.kernel) != (other.pairs, other.kernel), "its number of pairs differs"))
+            .or(differ(self.tolerance != other.tolerance, "its tolerance differs"))
+            .or(differ(self.seed != other.seed, "its seed differs"))
     }
 }
 

@@ -21,7 +21,7 @@ use super::poisson::PoissonError;
 use super::space::from_columns;
 
 /// Why vector fields do not live on surfaces with one side.
-pub(crate) const HODGE: &str = "\"vector\" fields have the Hodge–Laplacian, whose curl takes an oriented surface, which those of \"n_vector\", with \"n\": 1 for vectors, do not need:";
+pub(crate) const HODGE: &str = "\"vector\" fields use the Hodge–Laplacian, whose curl needs an oriented surface; \"n_vector\" fields with \"n\": 1 do not:";
 
 /// A surface that fields can live on: a mesh, its dual graph and its frames.
 #[derive(Debug, Clone, PartialEq)]
@@ -150,7 +150,7 @@ pub enum FieldError {
     #[error(transparent)]
     Operator(#[from] OperatorError),
     /// A parameter is out of its range.
-    #[error("parameter {name} is {value}, not in {least}..={most}")]
+    #[error("parameter {name} must be between {least} and {most}, got {value}")]
     Parameter {
         /// Its name.
         name: &'static str,
@@ -162,7 +162,7 @@ pub enum FieldError {
         most: f64,
     },
     /// Weights do not fit.
-    #[error("weights must be {faces} positive numbers, one per face; the first that is not is number {at}")]
+    #[error("weights must be {faces} positive numbers, one per face; the first offending one is number {at}")]
     Weights {
         /// The number of faces.
         faces: usize,
@@ -191,8 +191,8 @@ pub enum FieldError {
         /// The first such face.
         face: usize,
     },
-    /// The harmonic fields cannot be had.
-    #[error("{0}; without them, `harmonic_fields: false`, there is a basis")]
+    /// The harmonic fields cannot be computed.
+    #[error("{0}; the basis can be built without them (`harmonic_fields: false`)")]
     Harmonic(HarmonicError),
     /// Restricting the operator failed.
     #[error(transparent)]

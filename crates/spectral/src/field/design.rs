@@ -32,7 +32,7 @@ pub const MOST_DIMENSIONS: usize = 8192;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum DesignError {
     /// The space is too large.
-    #[error("a space of {dimension} dimensions is too large to design in so; the most is {most}")]
+    #[error("a space of {dimension} dimensions is too large for this design; the limit is {most}")]
     Dimension {
         /// Its dimension.
         dimension: usize,
@@ -43,7 +43,7 @@ pub enum DesignError {
     #[error(transparent)]
     Eigen(#[from] EigenError),
     /// A weight is negative or not finite.
-    #[error("the weight {name} is {value}; it must be a number from 0")]
+    #[error("the weight {name} is {value}; it must be a number of at least 0")]
     Weight {
         /// Which.
         name: &'static str,
@@ -51,10 +51,12 @@ pub enum DesignError {
         value: f64,
     },
     /// Both energies have no weight and there is no alignment.
-    #[error("neither an energy nor an alignment has a weight: nothing says what the field is between the constraints")]
+    #[error(
+        "give a weight to an energy or an alignment; without one the field is undetermined between the constraints"
+    )]
     NoEnergy,
     /// There is neither a constraint nor an alignment.
-    #[error("there is neither a constraint nor an alignment: every field without energy would do")]
+    #[error("give a constraint or an alignment; without one the solution is not unique")]
     NoData,
     /// A constraint refers to a face that is not there.
     #[error("constraint {constraint} refers to face {face} of {faces}")]
@@ -74,22 +76,22 @@ pub enum DesignError {
         /// The face.
         face: u32,
     },
-    /// Two hard constraints want different values on one face.
-    #[error("two hard constraints want different values on face {face}")]
+    /// Two hard constraints require different values on one face.
+    #[error("two hard constraints require different values on face {face}")]
     Contradiction {
         /// The face.
         face: u32,
     },
     /// The space has no freedom left to be as it has to be on this face.
     #[error(
-        "the space has too few dimensions to be as it has to be on face {face} and on all other faces with constraints at once; a larger basis may do, or strokes in place of some of them"
+        "the basis is too small to meet the constraint on face {face} together with the others; use a larger basis, or strokes in place of some of them"
     )]
     Dependent {
         /// The face.
         face: u32,
     },
     /// A field or weights do not fit the faces.
-    #[error("{what}: {got} numbers where {wanted} are wanted")]
+    #[error("{what}: expected {wanted} numbers, got {got}")]
     Length {
         /// What does not fit.
         what: &'static str,
@@ -108,7 +110,7 @@ pub enum DesignError {
     #[error(transparent)]
     Products(GalerkinError),
     /// A prescription is of another kind of field.
-    #[error("the prescribed field holds other numbers per face than the space")]
+    #[error("the prescribed field has a different number of components per face than the space")]
     Kind,
     /// The work was cancelled.
     #[error(transparent)]

@@ -18,7 +18,7 @@ const LARGE: usize = 60_000;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PoissonError {
     /// The surface has one side, or its faces do not agree about two.
-    #[error("gradients and co-gradients are told apart on oriented surfaces alone: {0}")]
+    #[error("gradients and co-gradients can be told apart only on oriented surfaces: {0}")]
     OneSided(#[from] OneSided),
     /// The matrix was not factored.
     #[error("a Poisson problem on the vertices could not be solved: {0}")]

@@ -40,7 +40,9 @@ pub struct Prescribed {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PrescribedError {
     /// The surface has one side, or its faces do not agree about two.
-    #[error("singularities are prescribed on oriented surfaces alone, whose loops all keep left and right apart: {0}")]
+    #[error(
+        "singularities can be prescribed only on oriented surfaces, whose loops all keep left and right apart: {0}"
+    )]
     OneSided(#[from] OneSided),
     /// The vertex is not there.
     #[error("singularity {at} is prescribed at vertex {vertex} of {vertices}")]

@@ -53,7 +53,7 @@ pub enum RefineError {
         tolerance: f64,
     },
     /// Designs that stay close to prescribed singularities are not the minimisers of one energy.
-    #[error("a design with prescribed singularities has no field of the whole surface that it stands for")]
+    #[error("a design with prescribed singularities does not approximate a field of the whole surface")]
     Prescribed,
     /// The iteration ended before its goal.
     #[error("the field of the whole surface was not found to a tolerance of {tolerance:e}")]

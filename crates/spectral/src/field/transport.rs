@@ -49,7 +49,7 @@ pub enum TransportError {
     #[error(transparent)]
     Heat(#[from] PoissonError),
     /// There is no source.
-    #[error("there is no vector to be carried")]
+    #[error("there are no vectors to carry")]
     NoSource,
     /// Too little heat arrives somewhere.
     #[error(

@@ -55,7 +55,7 @@ impl Product {
         if found.kind() != kind {
             return Err(FormatError::Member {
                 member: "metadata".to_owned(),
-                reason: format!("it tells of a basis of the kind {}, not {}", found.kind().name(), kind.name()),
+                reason: format!("it describes a basis of kind {}, not {}", found.kind().name(), kind.name()),
             });
         }
         Ok(found)

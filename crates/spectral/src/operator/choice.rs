@@ -119,10 +119,10 @@ impl OperatorParameters {
         }
         match &self.operator {
             OperatorKind::Extrinsic { t } if !(0.0..=1.0).contains(t) => {
-                error("operator.extrinsic.t", format!("must lie between 0 and 1, not be {t}"))
+                error("operator.extrinsic.t", format!("must be between 0 and 1, not {t}"))
             }
             OperatorKind::Hamiltonian { potential: Potential::Curvature { t } } if !(0.0..=1e6).contains(t) => {
-                error("operator.hamiltonian.potential.curvature.t", format!("must lie between 0 and 1e6, not be {t}"))
+                error("operator.hamiltonian.potential.curvature.t", format!("must be between 0 and 1e6, not {t}"))
             }
             OperatorKind::Hamiltonian { potential: Potential::Values(values) } => {
                 match values.iter().position(|v| !v.is_finite()) {

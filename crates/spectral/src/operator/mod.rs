@@ -53,7 +53,7 @@ pub enum OperatorError {
         reason: String,
     },
     /// Every vertex lies on the boundary, so that nothing is left to solve for.
-    #[error("all {vertices} vertices lie on the boundary; the Dirichlet condition leaves no unknown")]
+    #[error("all {vertices} vertices lie on the boundary; the Dirichlet condition leaves no unknowns")]
     NoUnknowns {
         /// The number of vertices.
         vertices: usize,

@@ -32,19 +32,20 @@ impl OperatorParameters {
             OperatorKind::Auto
             | OperatorKind::Robust
             | OperatorKind::Hamiltonian { potential: Potential::Values(_) } => None,
-            OperatorKind::Polygon => Some("\"polygon\" is made of faces"),
-            OperatorKind::Laplace => Some("\"laplace\" is made of faces as they are"),
-            OperatorKind::Extrinsic { .. } => Some("\"extrinsic\" is made of the normals of faces"),
+            OperatorKind::Polygon => Some("\"polygon\" needs faces"),
+            OperatorKind::Laplace => Some("\"laplace\" needs faces as they are"),
+            OperatorKind::Extrinsic { .. } => Some("\"extrinsic\" needs the normals of faces"),
             OperatorKind::Hamiltonian { potential: Potential::Curvature { .. } } => {
-                Some("a potential of curvatures is made of faces")
+                Some("a potential of curvatures needs faces")
             }
-            OperatorKind::Volume => Some("\"volume\" is made of tetrahedra"),
-            OperatorKind::Graph => Some("\"graph\" is made of the edges of faces"),
+            OperatorKind::Volume => Some("\"volume\" needs tetrahedra"),
+            OperatorKind::Graph => Some("\"graph\" needs the edges of faces"),
             OperatorKind::Hodge => Some("\"hodge\" acts on fields of faces"),
             OperatorKind::Weighted(_) => Some("\"weighted\" has weights of faces"),
         };
         if let Some(needs) = needs {
-            let reason = format!("{needs}, and the mesh has only points; they have \"auto\" and potentials of values");
+            let reason =
+                format!("{needs}, but the mesh has only points; they support \"auto\" and potentials of values");
             return Err(OperatorError::Parameter { name: "operator", reason });
         }
         if self.boundary == Boundary::Dirichlet {

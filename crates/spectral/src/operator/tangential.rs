@@ -45,7 +45,7 @@ impl<const B: usize> FieldOperator<B> {
         }
         let stiffness = match kind {
             FieldKind::Vector {} if let Err(at) = dual.oriented() => {
-                let reason = format!("the Hodge–Laplacian of vector fields takes an oriented surface: {at}");
+                let reason = format!("the Hodge–Laplacian of vector fields needs an oriented surface: {at}");
                 return Err(OperatorError::Parameter { name: "kind", reason });
             }
             FieldKind::Vector {} => from_pairs(hodge_stiffness(mesh, dual, frames, boundary)),

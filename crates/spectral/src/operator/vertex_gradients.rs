@@ -40,7 +40,7 @@ impl VertexGradients {
             }
         }
         if !(epsilon > 0.0) {
-            let reason = format!("is {epsilon}, where a number above zero is due");
+            let reason = format!("must be positive, got {epsilon}");
             return Err(OperatorError::Parameter { name: "regularisation", reason });
         }
         let frames = frames(positions, faces);

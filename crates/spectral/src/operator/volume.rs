@@ -42,7 +42,7 @@ pub fn assemble(
 ) -> Result<MeshOperator, OperatorError> {
     monitor.stage("operator");
     if mass == MassKind::Voronoi {
-        let reason = "the operator \"volume\" has the masses \"barycentric\" and \"consistent\"".to_owned();
+        let reason = "the operator \"volume\" supports the masses \"barycentric\" and \"consistent\"".to_owned();
         return Err(OperatorError::Parameter { name: "mass", reason });
     }
     let n = solid.positions.len();

@@ -67,12 +67,15 @@ impl Parts {
         if let Some(face) = self.scalars.iter().position(|&weight| !inside(weight)) {
             let weight = self.scalars[face];
             let reason =
-                format!("the weight of face {face} must lie between {LEAST:e} and {:e}, not be {weight}", 1.0 / LEAST);
+                format!("the weight of face {face} must be between {LEAST:e} and {:e}, not {weight}", 1.0 / LEAST);
             return refused(SCALARS, reason);
         }
         let (tensors, rest) = self.tensors.as_chunks::<3>();
         if !rest.is_empty() {
-            return refused(TENSORS, format!("{} numbers are not three for each face", self.tensors.len()));
+            return refused(
+                TENSORS,
+                format!("expected three numbers for each face, got {} in all", self.tensors.len()),
+            );
         }
         let definite = |&[xx, xy, yy]: &[f64; 3]| {
             // The determinant over both entries of the diagonal: it does not overflow.
@@ -95,11 +98,13 @@ impl Parts {
     pub fn check_mesh(&self, vertices: usize, faces: usize) -> Result<(), OperatorError> {
         for (name, found, needed) in [(SCALARS, self.scalars.len(), faces), (TENSORS, self.tensors.len(), 3 * faces)] {
             if found > 0 && found != needed {
-                return refused(name, format!("{found} numbers were sent, and {faces} faces need {needed}"));
+                return refused(name, format!("{faces} faces need {needed} numbers, got {found}"));
             }
         }
         match self.fixed.iter().find(|&&vertex| vertex as usize >= vertices) {
-            Some(vertex) => refused(FIXED, format!("vertex {vertex} is to be fixed, of {vertices} vertices")),
+            Some(vertex) => {
+                refused(FIXED, format!("fixed vertex {vertex} is out of range (the mesh has {vertices} vertices)"))
+            }
             None => Ok(()),
         }
     }

@@ -41,7 +41,7 @@ pub fn solve(
     monitor: &dyn Monitor,
 ) -> Result<Eigenpairs, HsimError> {
     let (Wanted::Count(count), Variant::Sliced) = (parameters.wanted, parameters.variant) else {
-        let reason = "takes the variant \"sliced\" and a count".to_owned();
+        let reason = "needs the variant \"sliced\" and a count".to_owned();
         return Err(HsimError::Parameter { name: "operator", reason });
     };
     // HSIM asks how many vertices there are, and where only for levels that it makes itself.

@@ -58,7 +58,7 @@ pub enum RadialError {
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
     /// There is nothing to centre a function on.
-    #[error("a mesh of {vertices} vertices and {samples} samples makes no subspace")]
+    #[error("a mesh of {vertices} vertices and {samples} samples cannot span a subspace")]
     Empty {
         /// The number of vertices.
         vertices: usize,
@@ -76,7 +76,7 @@ pub enum RadialError {
         vertices: usize,
     },
     /// The support radius is not a positive number.
-    #[error("sigma {sigma} and area {area} give no support radius")]
+    #[error("sigma {sigma} and area {area} do not give a support radius")]
     Radius {
         /// The overlap that was asked for.
         sigma: f64,

@@ -47,7 +47,7 @@ impl Refinement {
         match self {
             Self::Chebyshev { degree } if !(1..=Self::MOST_DEGREE).contains(&degree) => error(
                 "refinement.chebyshev.degree",
-                format!("must lie between 1 and {}, not be {degree}", Self::MOST_DEGREE),
+                format!("must be between 1 and {}, not {degree}", Self::MOST_DEGREE),
             ),
             Self::Chebyshev { .. } if !lumped => {
                 error("refinement", "a Chebyshev filter needs a lumped mass".to_owned())
@@ -158,7 +158,7 @@ fn on_unit_size(
             return Err(ApproximationError::Parameter {
                 name: "refinement",
                 reason: format!(
-                    "rounding decides the value of pair {pair} in double precision; leave it out, or take \"hsim\""
+                    "rounding decides the value of pair {pair} in double precision; leave it out, or use \"hsim\""
                 ),
             });
         }

@@ -85,7 +85,7 @@ pub enum Finding {
         quotient: f64,
     },
     /// A bound promises more than its pair keeps.
-    #[error("the bound of pair {pair} is {claimed:e}, which is no bound")]
+    #[error("the bound of pair {pair} is {claimed:e}, which is not a valid bound")]
     Bound {
         /// Its number, from 0.
         pair: usize,

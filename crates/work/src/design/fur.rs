@@ -108,7 +108,7 @@ fn one() -> f64 {
 
 /// Fur grows on the outside.
 fn outside(setting: &Setting) -> Result<(), DesignFault> {
-    Ok(setting.surface.surface.sides("fur grows on one of two sides, which takes an oriented surface:")?)
+    Ok(setting.surface.surface.sides("fur grows on one of two sides, which needs an oriented surface:")?)
 }
 
 impl FurRequest {
@@ -123,16 +123,16 @@ impl FurRequest {
         for (name, value) in [("length", self.length), ("full", self.full)] {
             within_reason(name, value)?;
             if !(value > 0.0) {
-                return Err(refused("fur", name, format!("is {value}, and must be above 0")));
+                return Err(refused("fur", name, format!("must be greater than 0, not {value}")));
             }
         }
         if !(0.0..=std::f64::consts::PI).contains(&self.tilt) {
-            return Err(refused("fur", "tilt", format!("is {}, and must be an angle from 0 to 3.14159", self.tilt)));
+            return Err(refused("fur", "tilt", format!("must be an angle from 0 to 3.14159, not {}", self.tilt)));
         }
         for &factor in self.lengths.iter().flatten() {
             within_reason("lengths", f64::from(factor))?;
             if !(factor >= 0.0) {
-                return Err(refused("fur", "lengths", format!("has {factor}, and factors must not be below 0")));
+                return Err(refused("fur", "lengths", format!("must not have factors below 0, such as {factor}")));
             }
         }
         let faces = setting.surface.surface.faces();
@@ -207,23 +207,26 @@ impl FurRequest {
             within_reason(name, value)?;
         }
         if !(p.full > 0.0) {
-            return wrong("full", format!("is {} and must be greater than 0", p.full));
+            return wrong("full", format!("must be greater than 0, not {}", p.full));
         }
         if !(0.0..=1.0).contains(&p.noise) {
-            return wrong("noise", format!("is {} and must be from 0 to 1", p.noise));
+            return wrong("noise", format!("must be from 0 to 1, not {}", p.noise));
         }
         if !(0.0..=1.0).contains(&p.clump) {
-            return wrong("clump", format!("is {} and must be from 0 to 1", p.clump));
+            return wrong("clump", format!("must be from 0 to 1, not {}", p.clump));
         }
         if !(p.down.iter().map(|x| x * x).sum::<f64>() > 0.0 && p.down.iter().all(|x| x.abs() <= 1e12)) {
             return wrong("down", "must be a direction".to_owned());
         }
         if !(2..=MOST_STRAND_POINTS).contains(&p.points) {
-            return wrong("points", format!("is {} and must be from 2 to {MOST_STRAND_POINTS}", p.points));
+            return wrong("points", format!("must be from 2 to {MOST_STRAND_POINTS}, not {}", p.points));
         }
         let most = MOST_POINTS / p.points;
         if !(1..=most).contains(&p.strands) {
-            return wrong("strands", format!("is {} and must be from 1 to {most} of {} points", p.strands, p.points));
+            return wrong(
+                "strands",
+                format!("must be from 1 to {most} for strands of {} points, not {}", p.points, p.strands),
+            );
         }
         Ok(())
     }

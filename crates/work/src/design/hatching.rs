@@ -184,17 +184,17 @@ impl HatchingRequest {
     pub fn check(&self, png: bool) -> Result<(), DesignFault> {
         let wrong = |name: &str, reason: String| Err(refused("hatching", name, reason));
         if !(self.stroke > 0.0 && self.stroke <= 100.0) {
-            return wrong("stroke", format!("is {} and must be greater than 0 and at most 100", self.stroke));
+            return wrong("stroke", format!("must be greater than 0 and at most 100, not {}", self.stroke));
         }
         if !(0.0..=100.0).contains(&self.outline) {
-            return wrong("outline", format!("is {} and must be from 0 to 100", self.outline));
+            return wrong("outline", format!("must be from 0 to 100, not {}", self.outline));
         }
         let tone = self.tone.unwrap_or_default();
         if tone.highlight.is_some_and(|x| !(x > 0.0 && x <= 1.0)) {
             return wrong("tone.highlight", "must be greater than 0 and at most 1".to_owned());
         }
         if tone.cross.is_some_and(|x| !(x >= 0.0 && x.is_finite())) {
-            return wrong("tone.cross", "must be a number from 0".to_owned());
+            return wrong("tone.cross", "must be a number of at least 0".to_owned());
         }
         direction("tone.light", tone.light)?;
         let pixels = self.camera.unwrap_or_default().pixels();
@@ -222,7 +222,7 @@ impl HatchingRequest {
     ) -> Result<(Drawing, usize), DesignFault> {
         self.check(false)?;
         let surface = &setting.surface.surface;
-        surface.sides("a drawing has light and outlines, which take an oriented surface (lines as JSON do not):")?;
+        surface.sides("a drawing has light and outlines, which need an oriented surface (lines as JSON do not):")?;
         let camera = self.seen_from(setting)?;
         let paper = Paper { camera: &camera, stroke: self.stroke, area: surface.frames().area() };
         let levels = if self.tone.is_some() { USUAL_LEVELS } else { 1 };

@@ -343,7 +343,7 @@ impl KeptField {
                 given(surface, &Table { columns: self.columns, values }, place)?
             }
             Some(kind) => crosses_of(kind, &self.values).ok_or_else(|| {
-                let reason = "makes no crosses: it has to be of vectors, n-vectors with n 1, 2 or 4, or tensors";
+                let reason = "does not define crosses: it must be of vectors, n-vectors with n 1, 2 or 4, or tensors";
                 refused("field", place, reason)
             })?,
         };

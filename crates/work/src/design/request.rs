@@ -386,11 +386,11 @@ impl DesignRequest {
         }
         if self.singularities.as_ref().is_some_and(|wanted| wanted.exact) && !self.constraints.is_empty() {
             let reason =
-                "a field of length 1 that is turned as a whole meets no direction exactly: give strokes in their place";
+                "a field of length 1 that is turned as a whole cannot meet directions exactly; use strokes instead";
             return Err(refused("singularities", "constraints", reason));
         }
         if self.refine.is_some() && self.space == DesignSpace::Basis {
-            let reason = "a refined field is one of all fields of the surface, not of the space of the basis: leave out one of the two";
+            let reason = "a refined field is a field of the whole surface, not of the space of the basis; leave out one of the two";
             return Err(refused("refine", "refine", reason));
         }
         if self.singularities.is_some() && (self.error || self.must_be_of_surface()) {
@@ -399,8 +399,7 @@ impl DesignRequest {
                 (false, Some(_)) => "refine",
                 (false, None) => "space",
             };
-            let reason =
-                "a design with prescribed singularities is no field of least energy that another could be closer to";
+            let reason = "a design with prescribed singularities does not minimise the energy, so that its error cannot be measured";
             return Err(refused("refine", place, reason));
         }
         self.faces.iter().try_for_each(FacesRequest::check_count)?;
@@ -478,7 +477,7 @@ fn face(surface: &Surface, face: Option<u32>, point: Option<[f64; 3]>, place: &s
             Err(refused_at(face, "face", place, format!("there is no face {face}; the mesh has {faces}")))
         }
         (None, Some(point)) => nearest(surface, point, place),
-        (Some(_), Some(_)) => Err(refused("face", place, "either a face or a point is to be given, not both")),
+        (Some(_), Some(_)) => Err(refused("face", place, "give either a face or a point, not both")),
         (None, None) => Err(refused("face", place, "a face or a point is missing")),
     }
 }
@@ -506,7 +505,7 @@ fn line(
     found: &mut Vec<Constraint>,
 ) -> Result<(), DesignFault> {
     if points.len() < 2 || points.len() > MOST_CONSTRAINTS {
-        let reason = format!("a line has from 2 to {MOST_CONSTRAINTS} points, not {}", points.len());
+        let reason = format!("a line must have 2 to {MOST_CONSTRAINTS} points, not {}", points.len());
         return Err(refused("points", place, reason));
     }
     let begin = found.len();
@@ -528,7 +527,7 @@ fn line(
         }
     }
     if found.len() == begin {
-        return Err(refused("direction", place, "the line goes along the surface nowhere"));
+        return Err(refused("direction", place, "no piece of the line runs along the surface"));
     }
     Ok(())
 }
@@ -595,7 +594,9 @@ impl Value {
                 let unit = power([x / length, y / length], kind.order());
                 Ok([length * unit[0], length * unit[1], 0.0])
             }
-            (Some(_), Some(_)) => Err(refused("value", place, "either a direction or a frame_direction, not both")),
+            (Some(_), Some(_)) => {
+                Err(refused("value", place, "give either a direction or a frame_direction, not both"))
+            }
             (None, None) => Err(refused("value", place, "a direction or a frame_direction is missing")),
         }
     }

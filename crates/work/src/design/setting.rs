@@ -285,8 +285,8 @@ impl Setting {
             return Ok(());
         }
         let reason = format!(
-            "directions on {} faces are {asked} numbers to be met exactly, more than the {dimension} dimensions of the basis: make some of them strokes, \
-             or take a larger basis",
+            "directions on {} faces are {asked} numbers to be met exactly, more than the {dimension} dimensions of the basis: turn some of them into strokes, \
+             or use a larger basis",
             exact.len()
         );
         Err(refused("dependent", "constraints", reason))

@@ -131,7 +131,7 @@ fn exact_directions_that_crowd_one_place_are_refused_with_strokes_as_the_way_out
         setting().design(&request(json!({"constraints": crowd, "space": "basis"})), &Unwatched).err().unwrap();
     assert!(matches!(refused, DesignFault::Design(DesignError::Dependent { face }) if face < 56), "{refused}");
     let told = refused.to_string();
-    assert!(told.contains("a larger basis may do, or strokes in place of some of them"), "{told}");
+    assert!(told.contains("use a larger basis, or strokes in place of some of them"), "{told}");
     // The same as strokes.
     let strokes = json!({"constraints": [], "strokes": crowd, "space": "basis"});
     assert!(setting().design(&request(strokes), &Unwatched).is_ok());

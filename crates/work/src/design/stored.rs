@@ -83,7 +83,7 @@ pub struct KeptFields {
 
 /// Where nobody keeps anything.
 pub(super) fn nowhere(place: &str) -> DesignFault {
-    refused("stored", place, "stored fields are known to a server alone: give the numbers themselves")
+    refused("stored", place, "stored fields exist only on a server; give the numbers themselves")
 }
 
 impl KeptField {
@@ -113,7 +113,7 @@ impl KeptField {
                 Ok(values.as_chunks::<2>().0.iter().flat_map(turned).collect())
             }
             Some(kind) => {
-                let reason = format!("a stored field of {} makes none of {}", told(kind), told(wanted));
+                let reason = format!("a stored field of {} cannot be used as one of {}", told(kind), told(wanted));
                 Err(refused("stored", place, reason))
             }
         }

@@ -12,11 +12,12 @@ pub fn field(setting: &Setting, wanted: &AlignmentRequest, kept: &KeptFields) ->
     let (surface, kind) = (&setting.surface.surface, setting.kind());
     let faces = surface.faces();
     let curvature = || -> Result<Vec<f64>, DesignFault> {
-        surface.sides("curvature has a sign only on sides, which takes an oriented surface:")?;
+        surface.sides("curvature has a sign only where sides are told apart, which needs an oriented surface:")?;
         curvature_tensors(surface).map_err(|error| DesignFault::Curvature(error.to_string()))
     };
     let directions = |tensors: &[f64], n: u32| {
-        let misfit = || DesignFault::Curvature(format!("{} numbers make no tensors of {faces} faces", tensors.len()));
+        let misfit =
+            || DesignFault::Curvature(format!("{} numbers do not make tensors on {faces} faces", tensors.len()));
         principal_directions(tensors, n).ok_or_else(misfit)
     };
     let anisotropy = |tensors: &[f64]| directions(tensors, 2).map(|field| field.weights);

@@ -298,7 +298,7 @@ fn heat(request: &Request, accuracy: Accuracy) -> Result<HeatParameters, Paramet
 
 fn radial(request: &Request, accuracy: Accuracy) -> Result<RadialParameters, ParameterError> {
     if accuracy == Accuracy::Accurate {
-        return Err(value("accuracy", "\"accurate\" is an option of the construction \"heat\" alone".to_owned()));
+        return Err(value("accuracy", "\"accurate\" is an option of the construction \"heat\" only".to_owned()));
     }
     if request.heat.is_some() {
         return Err(value("heat", "these details need the construction \"heat\"".to_owned()));

@@ -350,12 +350,11 @@ fn wanted(request: &Request, count: usize) -> Result<Wanted, ParameterError> {
             return Err(value("between", "give one bound on the eigenvalues, or an interval, not both".to_owned()));
         }
         (Some(bound), None) if !(bound.abs() <= MOST_BOUND) => {
-            return Err(value("below", format!("must be a number from -1e300 to 1e300, not {bound:e}")));
+            return Err(value("below", format!("must be a number from -1e300 to 1e300, not {bound}")));
         }
         (Some(bound), None) => Wanted::Below { bound, most },
         (None, Some([from, to])) if !(from < to && from.abs() <= MOST_BOUND && to.abs() <= MOST_BOUND) => {
-            let reason =
-                format!("must be two numbers from -1e300 to 1e300, the lower one first, not {from:e} and {to:e}");
+            let reason = format!("must be two numbers from -1e300 to 1e300, the lower one first, not {from} and {to}");
             return Err(value("between", reason));
         }
         (None, Some([from, to])) => Wanted::Between { from, to, most },

@@ -16,14 +16,14 @@ use crate::{JobError, ParameterError};
 /// Checks that nothing is asked for that only functions have.
 pub fn check(method: &Method, operator: &OperatorParameters) -> Result<(), ParameterError> {
     let Method::Exact(exact) = method else {
-        return Err(value("method", "the operator \"hodge\" takes the method \"hsim\"".to_owned()));
+        return Err(value("method", "the operator \"hodge\" needs the method \"hsim\"".to_owned()));
     };
     let refusal = match (exact.solver.variant, exact.solver.wanted, exact.storage) {
         (Variant::Random | Variant::Bathe | Variant::Published, _, _) => {
-            Some(("method", "the operator \"hodge\" takes the method \"hsim\" in its variant \"sliced\""))
+            Some(("method", "the operator \"hodge\" needs the method \"hsim\" in its variant \"sliced\""))
         }
-        (_, Wanted::Below { .. }, _) => Some(("below", "the operator \"hodge\" takes a count")),
-        (_, Wanted::Between { .. }, _) => Some(("between", "the operator \"hodge\" takes a count")),
+        (_, Wanted::Below { .. }, _) => Some(("below", "the operator \"hodge\" needs a count")),
+        (_, Wanted::Between { .. }, _) => Some(("between", "the operator \"hodge\" needs a count")),
         (_, _, StorageKind::Compact) => Some(("storage", "eigenfields of \"hodge\" are stored densely")),
         _ if operator.mass != MassKind::Barycentric => Some(("mass", "the operator \"hodge\" has a mass of its own")),
         _ => None,

@@ -139,7 +139,7 @@ impl EigenbasisParameters {
         if let OperatorKind::Hamiltonian { potential: Potential::Values(values) } = &operator.operator
             && values.len() > LARGEST_POTENTIAL
         {
-            let reason = format!("{} values are more than the {LARGEST_POTENTIAL} that a job may bring", values.len());
+            let reason = format!("{} values exceed the limit of {LARGEST_POTENTIAL}", values.len());
             return Err(value("operator.hamiltonian.potential.values", reason));
         }
         if let OperatorKind::Weighted(parts) = &mut operator.operator {
@@ -149,10 +149,7 @@ impl EigenbasisParameters {
                 ("operator.weighted.fixed", parts.fixed.len()),
             ] {
                 if numbers > LARGEST_WEIGHTS {
-                    return Err(value(
-                        name,
-                        format!("{numbers} numbers are more than the {LARGEST_WEIGHTS} that a job may bring"),
-                    ));
+                    return Err(value(name, format!("{numbers} numbers exceed the limit of {LARGEST_WEIGHTS}")));
                 }
             }
             // Equal work has equal parameters.

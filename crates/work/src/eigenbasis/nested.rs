@@ -39,7 +39,7 @@ pub fn check(method: &Method, parameters: &OperatorParameters) -> Result<(), Par
         Method::Exact(exact) => exact,
         Method::Approximate(approximate) if parameters.operator == OperatorKind::Volume => {
             if matches!(approximate.space, Space::Radial(_)) {
-                let reason = "the operator \"volume\" takes the construction \"heat\": functions of the distance alone err by half of an eigenvalue in solids";
+                let reason = "the operator \"volume\" needs the construction \"heat\": functions of the distance alone err by half of an eigenvalue in solids";
                 return Err(value("construction", reason.to_owned()));
             }
             return check_mass(parameters);
@@ -47,20 +47,20 @@ pub fn check(method: &Method, parameters: &OperatorParameters) -> Result<(), Par
         Method::Auto(_) if parameters.operator == OperatorKind::Volume => return check_mass(parameters),
         _ => {
             let reason = format!(
-                "the operator \"{name}\" takes the method \"hsim\": local functions to approximate with are made on surfaces and in solids"
+                "the operator \"{name}\" needs the method \"hsim\": local functions to approximate with are made on surfaces and in solids"
             );
             return Err(value("method", reason));
         }
     };
     let methods = match parameters.operator {
-        OperatorKind::Volume => "takes the methods \"hsim\" and \"approximate\"",
-        _ => "takes the method \"hsim\"",
+        OperatorKind::Volume => "needs one of the methods \"hsim\" and \"approximate\"",
+        _ => "needs the method \"hsim\"",
     };
     let refusal = match (exact.solver.variant, exact.solver.wanted, exact.storage) {
         (Variant::Random | Variant::Bathe, _, _) => Some(("method", methods)),
-        (Variant::Published, _, _) => Some(("variant", "takes the variant \"sliced\"")),
-        (_, Wanted::Below { .. }, _) => Some(("below", "takes a count, and no bound")),
-        (_, Wanted::Between { .. }, _) => Some(("between", "takes a count, and no interval")),
+        (Variant::Published, _, _) => Some(("variant", "needs the variant \"sliced\"")),
+        (_, Wanted::Below { .. }, _) => Some(("below", "needs a count, not a bound")),
+        (_, Wanted::Between { .. }, _) => Some(("between", "needs a count, not an interval")),
         (_, _, StorageKind::Compact) => Some(("storage", "has its eigenfunctions stored densely")),
         _ if exact.solver.levels.is_some() => Some(("levels", "has levels of its own")),
         _ if exact.solver.sigma.is_some() => Some(("sigma", "has levels of its own")),
@@ -78,9 +78,10 @@ pub fn check(method: &Method, parameters: &OperatorParameters) -> Result<(), Par
 /// Checks the mass in a solid.
 fn check_mass(parameters: &OperatorParameters) -> Result<(), ParameterError> {
     match parameters.mass {
-        MassKind::Voronoi => {
-            Err(value("mass", "the operator \"volume\" has the masses \"barycentric\" and \"consistent\"".to_owned()))
-        }
+        MassKind::Voronoi => Err(value(
+            "mass",
+            "the operator \"volume\" supports the masses \"barycentric\" and \"consistent\"".to_owned(),
+        )),
         MassKind::Barycentric | MassKind::Consistent => Ok(()),
     }
 }

@@ -52,7 +52,8 @@ impl EigenbasisParameters {
 
     /// The method, where it can be divided.
     fn divisible(&self) -> Result<Divisible<'_>, ParameterError> {
-        let refused = |name: &'static str, reason: &str| Err(value(name, format!("{reason} is not solved in parts")));
+        let refused =
+            |name: &'static str, reason: &str| Err(value(name, format!("{reason} cannot be solved in parts")));
         let method = match &self.method {
             Method::Exact(exact) if exact.solver.variant == Variant::Sliced => Divisible::Spectrum(exact),
             Method::Approximate(approximate) => Divisible::Surface(approximate),
@@ -401,7 +402,7 @@ impl JobParameters {
         self.check_mesh(MeshSize::of_body(mesh, solid))?;
         match self {
             Self::Eigenbasis(parameters) => Ok(parameters),
-            _ => Err(value("parts", format!("a job of the kind \"{}\" is not solved in parts", self.kind())).into()),
+            _ => Err(value("parts", format!("a job of the kind \"{}\" cannot be solved in parts", self.kind())).into()),
         }
     }
 }
@@ -433,7 +434,7 @@ impl PartJob {
         let parts =
             number("of").and_then(NonZeroUsize::new).ok_or_else(|| form("\"of\" is not how many parts there are"))?;
         let part = number("part").filter(|part| (1..=parts.get()).contains(part));
-        let part = part.ok_or_else(|| form("\"part\" is none of so many"))?;
+        let part = part.ok_or_else(|| form("\"part\" is out of range"))?;
         let whole = JobParameters::parse("eigenbasis", &parameters["parameters"])?;
         Ok(Self { whole, number: part - 1, parts })
     }
@@ -551,7 +552,7 @@ mod tests {
         assert_eq!(planned(few(json!("auto")), 1, Some(2)), Ok(2));
         let below = json!({"method": "hsim", "below": 10.0, "parts": 8});
         let reason = planned(below, 1, None).unwrap_err();
-        assert!(reason.contains("not solved in parts"), "{reason}");
+        assert!(reason.contains("cannot be solved in parts"), "{reason}");
     }
 
     #[test]

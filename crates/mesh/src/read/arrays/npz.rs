@@ -94,7 +94,7 @@ impl<'a> Array<'a> {
             "<u2" | "<i2" => 2,
             "<f4" | "<i4" | "<u4" => 4,
             "<f8" | "<i8" | "<u8" => 8,
-            other => return Err(wrong(&format!("numbers of the type `{}` are not read", shorten(other.as_bytes())))),
+            other => return Err(wrong(&format!("numbers of type `{}` are not supported", shorten(other.as_bytes())))),
         };
         let needed = shape.iter().try_fold(width, |total, &axis| total.checked_mul(axis));
         if needed.is_none_or(|needed| needed != data.len()) {
@@ -106,7 +106,7 @@ impl<'a> Array<'a> {
     fn rows(&self, columns: std::ops::RangeInclusive<usize>, expected: &str) -> Result<usize, ReadError> {
         match self.shape[..] {
             [rows, across] if columns.contains(&across) => Ok(rows),
-            _ => Err(refuse(format!("the array `{}` has the shape {:?}; {expected} is needed", self.name, self.shape))),
+            _ => Err(refuse(format!("the array `{}` must have shape {expected}, got {:?}", self.name, self.shape))),
         }
     }
 
@@ -136,10 +136,7 @@ impl<'a> Array<'a> {
                 let shift = 128 - 8 * bytes.len() as u32;
                 Ok((unsigned << shift) >> shift)
             }
-            _ => Err(refuse(format!(
-                "the array `{}` holds {}, where whole numbers are needed",
-                self.name, self.descriptor
-            ))),
+            _ => Err(refuse(format!("the array `{}` must hold whole numbers, not {}", self.name, self.descriptor))),
         }
     }
 
@@ -223,9 +220,9 @@ mod tests {
         let vertices = || ("vertices", npy("<f8", false, "1, 3", &[0; 24]));
         for (members, expected) in [
             (vec![], "`vertices` is missing"),
-            (vec![("vertices", npy("<f8", false, "1, 2", &[0; 16]))], "n × 3 is needed"),
+            (vec![("vertices", npy("<f8", false, "1, 2", &[0; 16]))], "must have shape n × 3"),
             (vec![("vertices", npy("<f8", false, "9, 3", &[0; 24]))], "do not fill"),
-            (vec![("vertices", npy(">f8", false, "1, 3", &[0; 24]))], "`>f8` are not read"),
+            (vec![("vertices", npy(">f8", false, "1, 3", &[0; 24]))], "`>f8` are not supported"),
             (vec![("vertices", vec![1, 2])], "cut short"),
             (vec![vertices(), ("faces", npy("<f4", false, "1, 3", &[0; 12]))], "whole numbers"),
             (vec![vertices(), ("faces", npy("<i4", false, "1, 3", &of(&[0, -1, 0], i32::to_le_bytes)))], "vertex -1"),

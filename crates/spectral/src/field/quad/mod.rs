@@ -53,7 +53,7 @@ pub const MOST_ROUNDED: usize = 4096;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum QuadError {
     /// The surface has one side, or its faces do not agree about two.
-    #[error("coordinates with quads between their lines are of oriented surfaces alone: {0}")]
+    #[error("coordinates with quads between their lines need an oriented surface: {0}")]
     OneSided(#[from] OneSided),
     /// A field is given for another surface.
     #[error("the field has {found} numbers; {wanted} are needed, two for each face")]
@@ -90,14 +90,14 @@ pub enum QuadError {
         faces: usize,
     },
     /// Two directions that are to be met exactly on one face make different crosses.
-    #[error("two directions on face {face} are to be met exactly, and make different crosses")]
+    #[error("two directions on face {face} must be met exactly, but make different crosses")]
     Contradiction {
         /// The face.
         face: u32,
     },
     /// The smoothest field has a zero of so high an order that no quads meet there.
     #[error(
-        "around vertex {vertex} the smoothest field has the index {index}, where no quads can meet, and no field near it has less: give a direction on a face beside it"
+        "around vertex {vertex} the smoothest field has the index {index}, where no quads can meet, and no field near it has less: give a direction on a face next to it"
     )]
     Zero {
         /// The vertex.
@@ -107,14 +107,14 @@ pub enum QuadError {
     },
     /// Too many coordinates would have to be rounded.
     #[error(
-        "{count} coordinates would have to be rounded, more than {MOST_ROUNDED}: take a smoother field, with fewer singular vertices, or leave grid lines apart at the cut"
+        "{count} coordinates would have to be rounded, more than {MOST_ROUNDED}: use a smoother field, with fewer singular vertices, or leave grid lines apart at the cut"
     )]
     Rounding {
         /// How many.
         count: usize,
     },
     /// So many seams meet at vertices that the equations would not fit.
-    #[error("{count} seams and more cross around vertex {vertex}: take a smoother field, with fewer singular vertices")]
+    #[error("{count} seams and more cross around vertex {vertex}: use a smoother field, with fewer singular vertices")]
     Seams {
         /// A vertex where they meet.
         vertex: u32,

@@ -63,7 +63,7 @@ pub(super) fn read(bytes: &[u8], limits: &MatrixLimits) -> Result<SparseMatrix, 
         "coo" => archive.coordinates(rows, columns),
         "dia" => archive.diagonals(rows, columns),
         "bsr" => archive.blocks(rows, columns),
-        other => Err(refuse("format", format!("matrices of the format \"{other}\" are not read"))),
+        other => Err(refuse("format", format!("matrices of the format \"{other}\" are not supported"))),
     }
 }
 
@@ -90,15 +90,18 @@ impl Archive<'_> {
                 let damaged = |error: std::io::Error| refuse(name, format!("it is damaged: {error}"));
                 DeflateDecoder::new(stored).take(most.min(said) + 1).read_to_end(&mut bytes).map_err(damaged)?;
                 if bytes.len() as u64 > said && said <= most {
-                    return Err(refuse(name, format!("it unfolds to more than the {said} bytes that it says it has")));
+                    return Err(refuse(
+                        name,
+                        format!("it decompresses to more than the {said} bytes that it declares"),
+                    ));
                 }
             }
-            _ => return Err(refuse(name, "it is encrypted, or compressed by other means than deflate")),
+            _ => return Err(refuse(name, "it is encrypted, or not compressed by deflate")),
         }
         let mut sum = flate2::Crc::new();
         sum.update(&bytes);
         if bytes.len() as u64 <= most && sum.sum() != file.crc32() {
-            return Err(refuse(name, "it is damaged: its bytes are not those that its checksum is of"));
+            return Err(refuse(name, "it is damaged: its checksum does not match"));
         }
         if bytes.len() as u64 > most {
             return Err(MatrixError::TooLarge { what: "bytes of an array", found: bytes.len() as u64, most });
@@ -116,7 +119,7 @@ impl Archive<'_> {
         let text: Vec<u8> = match kind {
             Some(b'S') => member.data,
             Some(b'U') => member.data.into_iter().step_by(4).collect(),
-            _ => return Err(refuse("format", "it is not a text")),
+            _ => return Err(refuse("format", "it is not text")),
         };
         let text = String::from_utf8_lossy(&text);
         Ok(text.trim_end_matches('\0').chars().take(20).collect())

@@ -22,7 +22,7 @@ pub(super) fn read(bytes: &[u8], limits: &MatrixLimits) -> Result<MatrixFile, Ma
     let (at, sizes) = lines.next().ok_or_else(|| refuse(1, "the sizes are missing"))?;
     let sizes: Vec<usize> = sizes
         .split_whitespace()
-        .map(|word| word.parse().map_err(|_| refuse(at, format!("{} is no size", shown(word)))))
+        .map(|word| word.parse().map_err(|_| refuse(at, format!("{} is not a size", shown(word)))))
         .collect::<Result<_, _>>()?;
     match (banner.coordinate, &sizes[..]) {
         (true, &[rows, columns, entries]) => coordinates(&banner, [rows, columns, entries], at, lines, limits),
@@ -41,7 +41,7 @@ fn banner(line: &str) -> Result<Banner, MatrixError> {
         if known.contains(&word) {
             return Ok(());
         }
-        Err(refuse(1, format!("{} is not read; {} is", shown(word), known.join(", "))))
+        Err(refuse(1, format!("{} is not supported; {} is", shown(word), known.join(", "))))
     };
     one_of(object, &["matrix"])?;
     one_of(layout, &["coordinate", "array"])?;
@@ -68,7 +68,7 @@ fn coordinates<'a>(
         let mut words = text.split_whitespace();
         let mut place = |most: usize| {
             let word = words.next().unwrap_or("");
-            let number: usize = word.parse().map_err(|_| refuse(line, format!("{} is no place", shown(word))))?;
+            let number: usize = word.parse().map_err(|_| refuse(line, format!("{} is not a position", shown(word))))?;
             // They are counted from 1.
             number
                 .checked_sub(1)
@@ -79,7 +79,7 @@ fn coordinates<'a>(
         let (row, column) = (place(rows)?, place(columns)?);
         let value = if banner.pattern { 1.0 } else { number(line, words.next().unwrap_or(""))? };
         if words.next().is_some() {
-            return Err(refuse(line, "there is more on it than one entry"));
+            return Err(refuse(line, "it has more than one entry"));
         }
         if banner.symmetric && column > row {
             return Err(refuse(line, "the entry lies above the diagonal of a symmetric matrix"));
@@ -130,7 +130,7 @@ fn array<'a>(
 }
 
 fn number(line: usize, word: &str) -> Result<f64, MatrixError> {
-    word.parse().map_err(|_| refuse(line, format!("{} is no number", shown(word))))
+    word.parse().map_err(|_| refuse(line, format!("{} is not a number", shown(word))))
 }
 
 /// A word as it can be shown.

@@ -37,7 +37,9 @@ pub enum MatrixFile {
 #[derive(Debug, thiserror::Error)]
 pub enum MatrixError {
     /// They begin like no format that is read.
-    #[error("it is no matrix: neither an NPZ of scipy.sparse.save_npz, nor an NPY array, nor Matrix Market")]
+    #[error(
+        "this is not a matrix: neither an NPZ written by scipy.sparse.save_npz, nor an NPY array, nor Matrix Market"
+    )]
     Unknown,
     /// The archive is damaged.
     #[error("the archive is damaged: {0}")]
@@ -59,7 +61,7 @@ pub enum MatrixError {
         reason: String,
     },
     /// There is more than may be read.
-    #[error("{found} {what} are more than the {most} that are read")]
+    #[error("{found} {what} exceed the limit of {most}")]
     TooLarge {
         /// Of what there is too much.
         what: &'static str,

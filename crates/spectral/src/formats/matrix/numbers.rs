@@ -22,7 +22,7 @@ impl<'a> Numbers<'a> {
             "<f8" | "<i8" | "<u8" => 8,
             other => {
                 let shown: String = other.chars().take(20).collect();
-                return Err(refuse(format!("numbers of the type `{shown}` are not read")));
+                return Err(refuse(format!("numbers of type `{shown}` are not supported")));
             }
         };
         let needed = header.shape.iter().try_fold(width, |total, &axis| total.checked_mul(axis));
@@ -46,7 +46,7 @@ impl<'a> Numbers<'a> {
     pub fn counts<T: TryFrom<i128>>(&self) -> Result<Vec<T>, MatrixError> {
         let name = self.name;
         let refuse =
-            |x: i128| MatrixError::Member { name, reason: format!("{x} is no number of a row, column or entry") };
+            |x: i128| MatrixError::Member { name, reason: format!("{x} is not the number of a row, column or entry") };
         self.integers()?.map(|x| T::try_from(x).map_err(|_| refuse(x))).collect()
     }
 
@@ -55,7 +55,7 @@ impl<'a> Numbers<'a> {
             Some(b'i') => true,
             Some(b'u' | b'b') => false,
             _ => {
-                let reason = format!("it holds {}, where whole numbers are needed", self.descriptor);
+                let reason = format!("it must hold whole numbers, not {}", self.descriptor);
                 return Err(MatrixError::Member { name: self.name, reason });
             }
         };

@@ -8,7 +8,7 @@ use std::io::{Seek, Write};
 use chladni_algebra::DenseMatrix;
 use zip::ZipWriter;
 
-use super::read::{Archive, Frame};
+use super::read::{Archive, Frame, MAPS};
 use super::{FormatError, Members, wrong};
 use crate::basis::{StoredMap, StoredMaps, ordered_pairs};
 
@@ -72,7 +72,7 @@ pub fn write_maps<W: Write + Seek>(maps: &StoredMaps, out: W) -> Result<(), Form
 /// # Errors
 /// [`FormatError`] names the member that is missing, damaged or of another shape than the rest.
 pub fn read_maps(bytes: &[u8]) -> Result<StoredMaps, FormatError> {
-    let n = Archive::open(Frame::whole(bytes))?.member("vertices")?.shape.first().copied().unwrap_or(0);
+    let n = Archive::of(bytes, MAPS)?.member("vertices")?.shape.first().copied().unwrap_or(0);
     if !(2..=MOST_SHAPES).contains(&n) {
         return Err(wrong("vertices", format!("it counts {n} shapes")));
     }

@@ -8,7 +8,7 @@ use chladni_algebra::{MassMatrix, space_times_single};
 use chladni_mesh::numbering::Numbering;
 use zip::ZipWriter;
 
-use super::read::{Archive, Frame};
+use super::read::{Archive, FAMILY};
 use super::{FormatError, Members, wrong};
 use crate::basis::family::FamilyBasis;
 
@@ -39,7 +39,7 @@ pub fn write_family<W: Write + Seek>(
 /// # Errors
 /// [`FormatError`] names the member that is missing, damaged or of another shape than the rest.
 pub fn read_family(bytes: &[u8]) -> Result<FamilyBasis, FormatError> {
-    let mut archive = Archive::open(Frame::whole(bytes))?;
+    let mut archive = Archive::of(bytes, FAMILY)?;
     let extrinsic = archive.member("extrinsic")?;
     let d = extrinsic.shape.first().copied().unwrap_or(0);
     let mass = archive.member("mass")?;

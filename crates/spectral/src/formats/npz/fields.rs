@@ -11,7 +11,7 @@ use std::sync::Arc;
 use chladni_mesh::numbering::Numbering;
 use zip::ZipWriter;
 
-use super::read::{Archive, Frame};
+use super::read::{Archive, FIELDS};
 use super::{FormatError, Members, wrong};
 use crate::basis::{FieldBasis, FieldSpace, RitzFields, StoredFields};
 
@@ -75,7 +75,7 @@ pub fn fields_to_bytes(fields: &StoredFields) -> Result<Vec<u8>, FormatError> {
 /// # Errors
 /// [`FormatError`] names the member that is missing, damaged or of another shape than the rest.
 pub fn read_fields(bytes: &[u8]) -> Result<StoredFields, FormatError> {
-    let mut archive = Archive::open(Frame::whole(bytes))?;
+    let mut archive = Archive::of(bytes, FIELDS)?;
     let kind = archive.member("kind")?.json()?;
     let kind = serde_json::from_value(kind).map_err(|error| wrong("kind", error.to_string()))?;
     let data = archive.member("data")?;

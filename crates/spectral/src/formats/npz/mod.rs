@@ -48,8 +48,8 @@ pub enum FormatError {
     /// The destination failed.
     #[error("the basis could not be written: {0}")]
     Write(#[from] std::io::Error),
-    /// The archive is damaged.
-    #[error("the archive is damaged: {0}")]
+    /// It is not an archive, or the archive is damaged.
+    #[error("{}", unreadable(.0))]
     Archive(#[from] zip::result::ZipError),
     /// A member is missing or is not what it must be.
     #[error("member \"{member}\": {reason}")]
@@ -60,10 +60,12 @@ pub enum FormatError {
         reason: String,
     },
     /// It is another product, that has its own reader.
-    #[error("the file holds {found}, where an eigenbasis is due")]
+    #[error("the file holds {found}; expected {expected}")]
     Other {
         /// What it holds.
         found: &'static str,
+        /// What this reader reads.
+        expected: &'static str,
     },
     /// Some columns of a dense basis could not be read.
     #[error(transparent)]
@@ -74,6 +76,14 @@ pub enum FormatError {
         /// The part that is too large.
         what: &'static str,
     },
+}
+
+/// What an archive that cannot be read says to someone who never heard of ZIP.
+fn unreadable(error: &zip::result::ZipError) -> String {
+    match error {
+        zip::result::ZipError::InvalidArchive(_) => "not an NPZ file, or cut short".to_owned(),
+        error => format!("the archive is damaged: {error}"),
+    }
 }
 
 fn wrong(member: &str, reason: impl Into<String>) -> FormatError {

@@ -11,7 +11,7 @@ use chladni_algebra::DenseMatrix;
 use chladni_mesh::numbering::Numbering;
 use zip::ZipWriter;
 
-use super::read::{Archive, Frame};
+use super::read::{Archive, MODES};
 use super::{FormatError, Members, wrong};
 use crate::basis::modal::{FIXED, ModalBasis, ModalFunctions};
 
@@ -57,7 +57,7 @@ pub fn write_modes<W: Write + Seek>(
 /// # Errors
 /// [`FormatError`] names the member that is missing, damaged or of another shape than the rest.
 pub fn read_modes(bytes: &[u8]) -> Result<ModalBasis, FormatError> {
-    let mut archive = Archive::open(Frame::whole(bytes))?;
+    let mut archive = Archive::of(bytes, MODES)?;
     let masses = archive.member("masses")?;
     let n = masses.shape.first().copied().unwrap_or(0);
     let masses: Vec<f64> = masses.vector("<f8", n)?;
@@ -89,7 +89,7 @@ pub fn read_modes(bytes: &[u8]) -> Result<ModalBasis, FormatError> {
     } else {
         let shape: Vec<i64> = archive.member("shape")?.vector("<i8", 2)?;
         let d = usize::try_from(shape[1]).ok().filter(|&d| d < u32::MAX as usize / 3);
-        let d = d.ok_or_else(|| wrong("shape", format!("{} is no number of columns", shape[1])))?;
+        let d = d.ok_or_else(|| wrong("shape", format!("{} is not a number of columns", shape[1])))?;
         let space = archive.sparse(["data", "indices", "indptr"], n, d, "<f4")?;
         ModalFunctions::Compact { space, coefficients: archive.dense("coefficients", Some(3 * d), m)? }
     };

@@ -11,7 +11,7 @@ use chladni_mesh::npy::NpyHeader;
 use serde::{Deserialize, Serialize};
 use zip::{ZipArchive, ZipWriter};
 
-use super::read::{Archive, Frame, check_sums};
+use super::read::{Archive, Frame, PART, check_sums, expect};
 use super::{FormatError, Members, wrong};
 use crate::basis::{NUMBERS_OF_SHARE, Part, PartCount, PartPlan, PartShare, PartSlice, StoredPart};
 
@@ -151,7 +151,7 @@ pub fn read_part(bytes: &[u8]) -> Result<(Part, serde_json::Value), FormatError>
     let share = match (of_share, plan.columns) {
         (Some(head), Some(columns)) if columns < u32::MAX as usize => Some(share(&mut archive, head, columns)?),
         (None, None) => None,
-        _ => return Err(wrong("part", "it is no part of an approximation, or of nothing else")),
+        _ => return Err(wrong("part", "it is neither a part of an approximation nor of a spectrum")),
     };
     Ok((Part { plan, number, slices, share }, about))
 }
@@ -162,6 +162,7 @@ pub fn read_part(bytes: &[u8]) -> Result<(Part, serde_json::Value), FormatError>
 /// [`FormatError`] where that is no part.
 pub fn read_part_head<R: Read + Seek>(file: R) -> Result<(PartPlan, usize, serde_json::Value), FormatError> {
     let mut archive = ZipArchive::new(file)?;
+    expect(&archive, PART)?;
     let mut bytes = Vec::new();
     archive.by_name("part.npy")?.take(MOST_HEAD).read_to_end(&mut bytes)?;
     let (_, text) = NpyHeader::parse(&bytes).map_err(|error| wrong("part", error.to_string()))?;

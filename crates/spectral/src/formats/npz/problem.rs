@@ -50,7 +50,7 @@ pub fn read_problem(bytes: &[u8], most: usize) -> Result<ProblemParts, FormatErr
     let n = usize::try_from(shape[0]).ok().filter(|&n| n < u32::MAX as usize && shape[0] == shape[1]);
     let n = n.ok_or_else(|| wrong("shape", format!("{shape:?} is not that of a square matrix")))?;
     if n > most {
-        return Err(wrong("shape", format!("{n} rows are more than the {most} that are read")));
+        return Err(wrong("shape", format!("{n} rows exceed the limit of {most}")));
     }
     let stiffness = archive.sparse(["data", "indices", "indptr"], n, n, "<f8")?;
     let diagonal = if archive.has("mass") { Some(archive.member("mass")?.vector("<f8", n)?) } else { None };

@@ -6,12 +6,20 @@ use std::sync::Arc;
 
 use chladni_algebra::{DenseMatrix, MassMatrix, SparseMatrix};
 use chladni_mesh::npy::NpyHeader;
-use zip::{CompressionMethod, ZipArchive};
+use zip::{CompressionMethod, ZipArchive, result::ZipError};
 
 use super::{DenseLayout, FormatError, wrong};
 use crate::basis::{
     Basis, CHUNK_COLUMNS, Certificate, ColumnChunk, ColumnSource, Compact, DenseFunctions, Functions, Precision,
 };
+
+// What archives hold, as messages call it.
+pub(super) const EIGENBASIS: &str = "an eigenbasis";
+pub(super) const MODES: &str = "vibration modes";
+pub(super) const FAMILY: &str = "a family of operators";
+pub(super) const FIELDS: &str = "a field basis";
+pub(super) const MAPS: &str = "the maps of a collection";
+pub(super) const PART: &str = "a part written by solve --part";
 
 /// One member, as it lies in the file.
 pub(super) struct Array<'a> {
@@ -52,7 +60,7 @@ impl<'a> Array<'a> {
 
     pub fn json(&self) -> Result<serde_json::Value, FormatError> {
         if !self.descriptor.starts_with("|S") || !self.shape.is_empty() {
-            return Err(wrong(self.name, "it is not a text"));
+            return Err(wrong(self.name, "it is not text"));
         }
         serde_json::from_slice(self.data).map_err(|error| wrong(self.name, error.to_string()))
     }
@@ -117,6 +125,23 @@ impl Seek for Frame<'_> {
     }
 }
 
+/// Refuses an archive that holds another product, which shows by a member that the other alone has.
+pub(super) fn expect<R: Read + Seek>(directory: &ZipArchive<R>, expected: &'static str) -> Result<(), FormatError> {
+    let alone = [
+        ("masses", MODES),
+        ("extrinsic", FAMILY),
+        ("samples", FIELDS),
+        ("disagreements", MAPS),
+        ("part", PART),
+        ("certificate", EIGENBASIS),
+    ];
+    let has = |member: &str| directory.index_for_name(&format!("{member}.npy")).is_some();
+    match alone.into_iter().find(|(member, _)| has(member)) {
+        Some((_, found)) if found != expected => Err(FormatError::Other { found, expected }),
+        _ => Ok(()),
+    }
+}
+
 pub(super) struct Archive<'a> {
     frame: Frame<'a>,
     directory: ZipArchive<Frame<'a>>,
@@ -131,20 +156,18 @@ impl<'a> Archive<'a> {
         self.directory.index_for_name(&format!("{name}.npy")).is_some()
     }
 
-    /// What else than an eigenbasis the archive is, by a member that the other alone has.
-    fn another_product(&self) -> Option<&'static str> {
-        let alone = [
-            ("masses", "vibration modes"),
-            ("extrinsic", "a family of operators"),
-            ("samples", "a field basis"),
-            ("disagreements", "maps of a collection"),
-            ("part", "a part of a surface"),
-        ];
-        alone.into_iter().find(|(member, _)| self.has(member)).map(|(_, found)| found)
+    /// Opens an archive that has to hold one product and is refused by name where it holds another.
+    pub fn of(bytes: &'a [u8], expected: &'static str) -> Result<Self, FormatError> {
+        let archive = Self::open(Frame::whole(bytes))?;
+        expect(&archive.directory, expected)?;
+        Ok(archive)
     }
 
     pub fn member(&mut self, name: &'a str) -> Result<Array<'a>, FormatError> {
-        let file = self.directory.by_name(&format!("{name}.npy")).map_err(|error| wrong(name, error.to_string()))?;
+        let file = self.directory.by_name(&format!("{name}.npy")).map_err(|error| match error {
+            ZipError::FileNotFound => wrong(name, "it is missing"),
+            error => wrong(name, error.to_string()),
+        })?;
         if file.compression() != CompressionMethod::Stored {
             return Err(wrong(name, "it is compressed"));
         }
@@ -182,7 +205,7 @@ impl<'a> Archive<'a> {
             usize::try_from(value)
                 .ok()
                 .filter(|&axis| axis < u32::MAX as usize)
-                .ok_or_else(|| wrong("shape", format!("{value} is no number of rows or columns")))
+                .ok_or_else(|| wrong("shape", format!("{value} is not a number of rows or columns")))
         };
         let (n, d) = (axis(shape[0])?, axis(shape[1])?);
         let space = self.sparse(["data", "indices", "indptr"], n, d, "<f4")?;
@@ -253,10 +276,7 @@ pub fn check_sums(bytes: &[u8]) -> Result<(), FormatError> {
 /// # Errors
 /// [`FormatError`] names the member that is missing, damaged or of another shape than the rest.
 pub fn read(bytes: &[u8]) -> Result<Basis, FormatError> {
-    let mut archive = Archive::open(Frame::whole(bytes))?;
-    if let Some(found) = archive.another_product() {
-        return Err(FormatError::Other { found });
-    }
+    let mut archive = Archive::of(bytes, EIGENBASIS)?;
     if !archive.has("functions") {
         let compact = archive.compact()?;
         let n = compact.space.rows();
@@ -306,7 +326,7 @@ pub fn read_frame(
     let mut archive = Archive::open(frame)?;
     let bytes = rows.checked_mul(columns).and_then(|numbers| numbers.checked_mul(layout.precision.bytes()));
     if archive.pairs()? != columns || bytes.map(|bytes| bytes as u64) != Some(frame.gap) {
-        return Err(wrong("functions", format!("{} bytes are no {rows}×{columns} numbers", frame.gap)));
+        return Err(wrong("functions", format!("{} bytes do not make {rows}×{columns} numbers", frame.gap)));
     }
     let functions = DenseFunctions::elsewhere(rows, columns, layout.precision, source);
     archive.basis(Functions::Dense(functions), rows)

@@ -95,5 +95,5 @@ fn another_product_is_named_for_what_it_is() {
     let mut members = Members { archive: ZipWriter::new(Cursor::new(Vec::new())) };
     members.floats("masses", &[1.0]).unwrap();
     let bytes = members.archive.finish().unwrap().into_inner();
-    assert_eq!(read(&bytes).unwrap_err().to_string(), "the file holds vibration modes, where an eigenbasis is due");
+    assert_eq!(read(&bytes).unwrap_err().to_string(), "the file holds vibration modes; expected an eigenbasis");
 }

@@ -64,7 +64,7 @@ fn within(name: &'static str, value: f64, least: f64, most: f64) -> Result<(), O
     if value >= least && value <= most {
         return Ok(());
     }
-    Err(OperatorError::Parameter { name, reason: format!("must lie between {least} and {most}, not be {value}") })
+    Err(OperatorError::Parameter { name, reason: format!("must be between {least} and {most}, not {value}") })
 }
 
 /// What is made elastic.

@@ -50,7 +50,7 @@ pub enum ApproximationError {
     /// Rounding has decided the restricted problem.
     #[error(
         "rounding errors decide the restricted problem: a value of {value:.3e} came out, and none can lie below {least:.3e}; triangles differ too \
-         much in size or shape for this operator in a space of smooth functions: take the method hsim, or the robust operator"
+         much in size or shape for this operator in a space of smooth functions: use the method hsim, or the robust operator"
     )]
     Rounding {
         /// The lowest value, in 1/length² of the input.
@@ -59,7 +59,7 @@ pub enum ApproximationError {
         least: f64,
     },
     /// More pairs than unknowns were asked for.
-    #[error("{count} eigenpairs are asked for, but there are {unknowns} unknowns")]
+    #[error("{count} eigenpairs were requested, but there are {unknowns} unknowns")]
     Count {
         /// The pairs asked for.
         count: usize,

@@ -350,7 +350,7 @@ fn checked(n: usize, parameters: &ApproximationParameters, parts: Option<usize>)
     }
     let d = parameters.dimension.max(parameters.count);
     if n < FEW_VERTICES * d {
-        return unsuited(format!("{n} unknowns are few for {d} functions: {} are needed", FEW_VERTICES * d));
+        return unsuited(format!("{n} unknowns are too few for {d} functions; {} are needed", FEW_VERTICES * d));
     }
     let parts = parts.unwrap_or((n / NATURAL).max(1));
     if parts == 0 || parts > n.min(MOST_PARTS) {
@@ -407,11 +407,11 @@ pub(super) fn cotangents<'a>(domain: Domain<'a>, operator: &MeshOperator) -> Opt
 /// Whether an operator is a sum over triangles that falls apart into parts, or why it is not.
 pub(super) fn has_parts(operator: &MeshOperator) -> Result<(), &'static str> {
     if !has_cotangents(operator) {
-        return Err("parts are made of the triangles of the Laplacian by cotangents, and of no other operator");
+        return Err("only the cotangent Laplacian of triangles can be solved in parts");
     }
     match operator.problem.mass {
         MassMatrix::Diagonal(_) => Ok(()),
-        _ => Err("its mass is consistent; take a lumped one, barycentric or voronoi"),
+        _ => Err("its mass is consistent; use a lumped one, barycentric or voronoi"),
     }
 }
 

@@ -165,7 +165,7 @@ fn what_does_not_belong_is_refused_by_the_number_of_the_part() {
         ("part-of-another-problem", "divided otherwise", Box::new(|part| *part = other[1].clone())),
         ("part-of-another-problem", "another seed", Box::new(|part| part.plan.seed = 5)),
         ("part-of-another-problem", "another problem", Box::new(|part| part.plan.problem.products[1] *= 1.001)),
-        ("part-damaged", "it says that it is part 1", Box::new(|part| *part = good[0].clone())),
+        ("part-damaged", "it claims to be part 1", Box::new(|part| *part = good[0].clone())),
         ("part-damaged", "no share", Box::new(|part| part.share = None)),
         (
             "part-damaged",

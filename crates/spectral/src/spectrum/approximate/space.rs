@@ -144,7 +144,7 @@ fn in_solid(
     monitor: &dyn Monitor,
 ) -> Result<(SparseMatrix<f32>, Space), ApproximationError> {
     let Space::Heat(heat) = parameters.space else {
-        let reason = "functions of the distance alone err by half of an eigenvalue in solids; take heat".to_owned();
+        let reason = "functions of the distance alone err by half of an eigenvalue in solids; use heat".to_owned();
         return Err(ApproximationError::Parameter { name: "space", reason });
     };
     monitor.stage("sampling");

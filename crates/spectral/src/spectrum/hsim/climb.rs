@@ -88,7 +88,7 @@ pub fn solve_from(
     let few = matches!(parameters.wanted, Wanted::Count(count) if count > vectors.columns());
     if vectors.rows() != problem.size() || vectors.columns() != values.len() || few {
         let (rows, columns) = (vectors.rows(), vectors.columns());
-        let reason = format!("{columns} columns with {rows} rows are no start for these pairs");
+        let reason = format!("{columns} columns with {rows} rows are not a valid start for these pairs");
         return Err(HsimError::Parameter { name: "start", reason });
     }
     Climb::new(mesh, problem, parameters, Given::Start(vectors, values), false, monitor)?.solve()

@@ -152,7 +152,7 @@ pub enum HsimError {
         reason: String,
     },
     /// More pairs than unknowns were asked for, or more lie below the bound than may be delivered.
-    #[error("{wanted} eigenpairs are asked for, at most {most} can be delivered")]
+    #[error("{wanted} eigenpairs were requested; at most {most} can be delivered")]
     Count {
         /// The pairs asked for.
         wanted: usize,
@@ -251,7 +251,7 @@ impl HsimParameters {
             if value >= least && value <= most {
                 return Ok(());
             }
-            Err(HsimError::Parameter { name, reason: format!("must lie between {least} and {most}, not be {value}") })
+            Err(HsimError::Parameter { name, reason: format!("must be between {least} and {most}, not {value}") })
         };
         match self.wanted {
             Wanted::Count(count) => within("count", count as f64, 1.0, f64::from(u32::MAX))?,

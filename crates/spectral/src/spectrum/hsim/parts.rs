@@ -47,7 +47,7 @@ pub enum PartError {
     #[error(transparent)]
     Approximation(#[from] ApproximationError),
     /// The problem is not solved in parts.
-    #[error("this problem is not solved in parts: {reason}")]
+    #[error("this problem cannot be solved in parts: {reason}")]
     Unsuited {
         /// Why.
         reason: String,
@@ -69,7 +69,7 @@ pub enum PartError {
         parts: usize,
     },
     /// A part was made by another version of the solver.
-    #[error("part {number} was made by version {found} of the solver, and this is {version}: compute it again")]
+    #[error("part {number} was made by version {found} of the solver, but this is {version}; compute it again")]
     Version {
         /// The part, from 1.
         number: usize,
@@ -95,7 +95,7 @@ pub enum PartError {
         reason: String,
     },
     /// Parts of a surface do not reach the goal, and there is no room for one piece, which might.
-    #[error("functions of parts of the surface miss the goal, and one piece takes more memory than there is")]
+    #[error("the parts of the surface miss the accuracy goal, and one piece needs more memory than is available")]
     GoalMissed,
 }
 
@@ -164,14 +164,14 @@ impl<'a> Parted<'a> {
         let parts = parts.unwrap_or(of_size(pairs));
         if parts == 0 || parts > most {
             let reason = match most {
-                0 => format!("{pairs} pairs are too few: a part takes {LEAST_PAIRS}"),
-                _ => format!("{pairs} pairs make at most {most} parts of {LEAST_PAIRS}, not {parts}"),
+                0 => format!("{wanted} pairs are too few to divide; each part needs at least {LEAST_PAIRS}"),
+                _ => format!("{wanted} pairs make at most {most} parts of {LEAST_PAIRS}, not {parts}"),
             };
             return Err(PartError::Unsuited { reason });
         }
         let slices = of_size(pairs / parts);
         if !lanczos::has_room(finest.level.size(), pairs.div_ceil(parts * slices) + 2 * SHARED, parameters.tolerance) {
-            return unsuited("so many pairs of so few unknowns are had for less by dense solves");
+            return unsuited("this many pairs of so few unknowns are cheaper by a dense solve");
         }
         let plan = PartPlan {
             version: version.to_owned(),
@@ -341,7 +341,7 @@ pub(in crate::spectrum) fn check_plan(part: &Part, plan: &PartPlan, number: usiz
         return Err(PartError::Foreign { number: count, reason: reason.to_owned() });
     }
     if part.number != number {
-        let reason = format!("it says that it is part {}", part.number.saturating_add(1));
+        let reason = format!("it claims to be part {}", part.number.saturating_add(1));
         return Err(PartError::Damaged { number: count, reason });
     }
     Ok(())
@@ -366,7 +366,7 @@ fn check_slice(found: &PartSlice, plan: &PartPlan, slice: usize) -> Result<(), S
     }
     let below = count.below.checked_sub(plan.kernel + from).filter(|&below| below <= pairs);
     if below != Some(values.partition_point(|&value| value < count.shift)) {
-        return Err(format!("{} eigenvalues below {} are not what it has", count.below, count.shift));
+        return Err(format!("it does not have {} eigenvalues below {}", count.below, count.shift));
     }
     Ok(())
 }

@@ -228,7 +228,7 @@ fn parts_that_are_lost_damaged_or_of_something_else_are_refused_by_name() {
     assert_eq!(lost.unwrap_err().to_string(), "part 2 of 2 is missing");
     let version = changed(&|part| part.plan.version = "6".to_owned());
     assert_eq!(version.kind(), "part-of-another-version");
-    assert!(version.to_string().starts_with("part 2 was made by version 6 of the solver, and this is 7"), "{version}");
+    assert!(version.to_string().starts_with("part 2 was made by version 6 of the solver, but this is 7"), "{version}");
     assert_eq!(refused(&[parts[0].clone(), parts[0].clone()]).kind(), "part-damaged");
     let slice = |change: &dyn Fn(&mut PartSlice)| changed(&|part| change(&mut part.slices.as_mut().unwrap()[0]));
     let damages: [Change<'_>; 8] = [
@@ -238,8 +238,8 @@ fn parts_that_are_lost_damaged_or_of_something_else_are_refused_by_name() {
         ("not in order", &|slice| slice.values.swap(10, 30)),
         ("pairs from", &|slice| slice.values.truncate(20)),
         ("vectors are", &|slice| slice.vectors.keep_columns(20)),
-        ("not what it has", &|slice| slice.count.below += 1),
-        ("not what it has", &|slice| slice.count.shift = slice.values[0]),
+        ("it does not have ", &|slice| slice.count.below += 1),
+        ("it does not have ", &|slice| slice.count.shift = slice.values[0]),
     ];
     for (reason, damage) in damages {
         let error = slice(damage);
@@ -251,7 +251,7 @@ fn parts_that_are_lost_damaged_or_of_something_else_are_refused_by_name() {
     moved.positions[500][0] += 1e-3;
     for (what, other, parameters, number) in [
         ("another mesh", &moved, parameters, 2),
-        ("another number of pairs", &mesh, count(141, 1e-6), 2),
+        ("its number of pairs differs", &mesh, count(141, 1e-6), 2),
         ("another tolerance", &mesh, count(140, 1e-5), 2),
         ("another seed", &mesh, HsimParameters { seed: 1, ..parameters }, 2),
         ("another number of parts", &mesh, parameters, 1),

@@ -42,7 +42,7 @@ pub(super) fn symmetric(name: &'static str, matrix: SparseMatrix) -> Result<Spar
             matrix: name,
             rows: n,
             columns: matrix.columns(),
-            expected: "a square matrix".to_owned(),
+            expected: "square".to_owned(),
         });
     }
     let mut largest = vec![0f64; n];

@@ -27,7 +27,7 @@ pub(super) fn symmetric(mass: Mass, n: usize) -> Result<(Option<SparseMatrix>, O
         matrix: "M",
         rows,
         columns,
-        expected: format!("{n} × {n}, as S is,"),
+        expected: format!("{n} × {n}, as S is"),
     };
     let matrix = match mass {
         Mass::Identity => return Ok((None, None)),

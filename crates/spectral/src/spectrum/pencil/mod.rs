@@ -133,7 +133,7 @@ pub enum PencilError {
     #[error(transparent)]
     Structure(#[from] SparseError),
     /// The sizes of the matrices do not fit.
-    #[error("{matrix} is {rows} × {columns}; {expected} is needed")]
+    #[error("{matrix} must be {expected}, got {rows} × {columns}")]
     Shape {
         /// `S` or `M`.
         matrix: &'static str,
@@ -179,20 +179,16 @@ pub enum PencilError {
         value: f64,
     },
     /// No pivot of the mass is negative, but one may be.
-    #[error("M is too close to singular for rounding to let one tell that it is positive definite")]
+    #[error("M is so close to singular that rounding hides whether it is positive definite")]
     NearlySingular,
     /// The mass is not positive definite.
-    #[error(
-        "M is not positive definite: of row {row} and those that were eliminated before it nothing positive is left"
-    )]
+    #[error("M is not positive definite: elimination of row {row} gave a nonpositive pivot")]
     NotDefinite {
         /// The first row whose pivot is not positive, from 0.
         row: usize,
     },
     /// The entries of a matrix are so small that they have few digits.
-    #[error(
-        "the entries of {matrix} are so small, {largest:e} at most, that few of their digits are left: multiply it by a power of ten"
-    )]
+    #[error("the entries of {matrix} are too small to be precise ({largest:e} at most); multiply it by a power of ten")]
     TooSmall {
         /// `S` or `M`.
         matrix: &'static str,
@@ -200,7 +196,7 @@ pub enum PencilError {
         largest: f64,
     },
     /// A row that is to be fixed is not there.
-    #[error("row {row} is to be fixed, of {rows} rows")]
+    #[error("fixed row {row} is out of range (the matrix has {rows} rows)")]
     Fixed {
         /// The row.
         row: u32,
@@ -208,7 +204,7 @@ pub enum PencilError {
         rows: usize,
     },
     /// All rows are fixed, or there is none.
-    #[error("there is no row that is not fixed")]
+    #[error("all rows are fixed, or there are none")]
     Empty,
     /// The pairs were not found, or not proven.
     #[error(transparent)]

@@ -79,7 +79,7 @@ fn refuse_beyond_promise(problem: &EigenProblem, count: usize, monitor: &dyn Mon
     let bytes = 24 * problem.size() as u64 * (count as u64 + 64) + 136 * problem.stiffness.entries() as u64;
     match monitor.promised_bytes() {
         Some(promised) if bytes > promised => Err(VibrationError::Iteration(HsimError::Memory(format!(
-            "a Krylov space does not hold these modes, and an iteration needs about {bytes} bytes; the work was promised {promised}"
+            "a Krylov space does not hold these modes, and an iteration needs about {bytes} bytes; the job may use {promised}"
         )))),
         _ => Ok(()),
     }

@@ -94,7 +94,7 @@ pub enum VibrationError {
     #[error("{0}")]
     Numerical(String),
     /// More modes than there are unknowns.
-    #[error("{count} modes are asked for, but only {unknowns} coordinates can move")]
+    #[error("{count} modes were requested, but only {unknowns} coordinates can move")]
     Count {
         /// The modes asked for.
         count: usize,

@@ -313,11 +313,11 @@ fn what_is_no_object_is_refused_by_name() {
             VibrationParameters { count, material: MATERIAL, clamped: clamped.into(), method: local(30), seed: 0 };
         vibration_modes(ElasticBody::Shell { mesh, thickness }, &parameters, &Unwatched).unwrap_err().to_string()
     };
-    assert!(ask(&mesh, 0.0, 10, vec![]).starts_with("parameter \"thickness\": must lie between"));
+    assert!(ask(&mesh, 0.0, 10, vec![]).starts_with("parameter \"thickness\": must be between"));
     assert!(ask(&mesh, f64::NAN, 10, vec![]).starts_with("parameter \"thickness\""));
     assert!(ask(&mesh, 0.1, 10, vec![42]).contains("vertex 42 is not one of the 42"));
     assert!(ask(&mesh, 0.1, 10, (0..42).collect()).contains("no vertex is left that can move"));
-    assert_eq!(ask(&mesh, 0.1, 127, vec![]), "127 modes are asked for, but only 126 coordinates can move");
+    assert_eq!(ask(&mesh, 0.1, 127, vec![]), "127 modes were requested, but only 126 coordinates can move");
     let mut dust = TriangleMesh::default();
     for k in 0..70u32 {
         dust.positions.extend([[0.0, 0.0, f64::from(k)], [1.0, 0.0, f64::from(k)], [0.0, 1.0, f64::from(k)]]);
