@@ -1,6 +1,7 @@
 //! The command line: one file per command.
 
 mod apply;
+mod asked;
 mod backup;
 mod batch;
 mod check;

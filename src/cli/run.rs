@@ -3,9 +3,10 @@
 use std::io::Write;
 use std::process::ExitCode;
 
-use chladni_work::{JobParameters, MESH_KINDS};
+use chladni_work::MESH_KINDS;
 use serde_json::{Map, Value};
 
+use super::asked::Asked;
 use super::work::{WorkArguments, json_argument};
 use super::{CliError, Table, bytes, grouped};
 
@@ -32,7 +33,7 @@ Examples:
   chladni run eigenbasis igea.ply --parameters @parameters.json --json";
 
 impl RunArguments {
-    fn job(&self) -> Result<JobParameters, CliError> {
+    fn job(&self) -> Result<Asked, CliError> {
         let given = match self.parameters.as_deref().map(|text| json_argument("--parameters", text)).transpose()? {
             None => Map::new(),
             Some(Value::Object(given)) => given,
