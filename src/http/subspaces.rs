@@ -77,10 +77,13 @@ impl From<Eigenspace> for EigenspaceAnswer {
 /// Two bases, compared.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(example = json!({
-    "pairs": 2, "eigenvalue_errors": [0.0, 0.003], "projection_errors": [0.0, 0.01], "angles": [0.0, 0.01],
+    "same_mesh": true, "pairs": 2, "eigenvalue_errors": [0.0, 0.003], "projection_errors": [0.0, 0.01], "angles": [0.0, 0.01],
     "eigenspaces": [{"from": 0, "to": 1, "angles": [0.0], "error": 0.0}, {"from": 1, "to": 2, "angles": [0.01], "error": 0.01}], "coefficients": null
 }))]
 struct BasisComparisonAnswer {
+    /// Whether both bases are of one mesh, or one problem. Where they are not, their vertices are taken for the same by
+    /// their numbers alone, as of one shape in two poses.
+    same_mesh: bool,
     /// How many pairs were compared.
     pairs: usize,
     /// Per pair the eigenvalue of the other basis less that of the reference, over that.
@@ -113,8 +116,9 @@ async fn compare_bases(state: ClientState, headers: HeaderMap, content: Body) ->
     exchange::answer_type(&headers, false, &[])?;
     let body = body::read(&state, &headers, content, MOST_BYTES).await?;
     let request: BasisComparisonRequest = exchange::parse(&state, body, exchange::BYTES_PER_NUMBER).await?;
-    let reference = on_vertices(&state, BasisId::parse(&request.reference)?.0).await?;
-    let other = on_vertices(&state, BasisId::parse(&request.other)?.0).await?;
+    let ids = [BasisId::parse(&request.reference)?.0, BasisId::parse(&request.other)?.0];
+    let reference = on_vertices(&state, ids[0]).await?;
+    let other = on_vertices(&state, ids[1]).await?;
     if reference.vertices() != other.vertices() {
         let detail =
             format!("The reference has {} vertices and the other basis {}.", reference.vertices(), other.vertices());
@@ -122,12 +126,14 @@ async fn compare_bases(state: ClientState, headers: HeaderMap, content: Body) ->
             Problem::new(&problem::INCOMPARABLE_BASES, detail).with("bases", vec![request.reference, request.other])
         );
     }
+    let same_mesh = state.store.basis(ids[0]).await?.mesh == state.store.basis(ids[1]).await?.mesh;
     let pairs = request.pairs.unwrap_or(reference.count().min(other.count()).min(MOST_PAIRS));
     state
         .solve("compare_bases", move |monitor| {
             let begin = Instant::now();
             let found = compare(&reference, &other, pairs, request.gap, monitor)?;
             let answer = BasisComparisonAnswer {
+                same_mesh,
                 pairs,
                 eigenvalue_errors: found.eigenvalue_errors,
                 projection_errors: found.projection_errors,
