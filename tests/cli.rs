@@ -4,6 +4,8 @@
 mod batch;
 #[path = "cli/collection.rs"]
 mod collection;
+#[path = "cli/numbering.rs"]
+mod numbering;
 #[path = "cli/parts.rs"]
 mod parts;
 #[path = "cli/strictness.rs"]

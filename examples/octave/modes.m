@@ -19,5 +19,6 @@ assert(defect < 1e-8);
 times = logspace(log10(4 * log(10) / basis.eigenvalues(end)), log10(4 * log(10) / basis.eigenvalues(2)), 8);
 hks = basis.functions .^ 2 * exp(-basis.eigenvalues * times);
 [~, tip] = max(hks(:, 4));
-fprintf('hottest at vertex %d, (%.2f %.2f %.2f)\n', basis.vertex_map(tip), basis.vertices(tip, :));
+% Rows are of the vertices that were kept; vertex_map has for each vertex of the file its row, from 1, or 0.
+fprintf('hottest at vertex %d, (%.2f %.2f %.2f)\n', find(basis.vertex_map == tip, 1), basis.vertices(tip, :));
 % trisurf(basis.faces, basis.vertices(:, 1), basis.vertices(:, 2), basis.vertices(:, 3), hks(:, 4)); axis equal

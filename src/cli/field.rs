@@ -3,9 +3,9 @@
 use std::io::Write;
 use std::process::ExitCode;
 
-use chladni_work::JobParameters;
 use serde_json::{Value, json};
 
+use super::asked::Asked;
 use super::work::{WorkArguments, given};
 use super::{CliError, bytes, grouped};
 
@@ -53,7 +53,7 @@ Examples:
 
 impl FieldArguments {
     /// The arguments as parameters of the job `field_basis`.
-    fn job(&self) -> Result<JobParameters, CliError> {
+    fn job(&self) -> Result<Asked, CliError> {
         let given = given([
             ("field", Some(json!(self.field))),
             ("n", self.n.map(|value| json!(value))),

@@ -49,7 +49,7 @@ pub fn join(arguments: JoinArguments) -> Result<ExitCode, CliError> {
         let exact = || Ok(job.join_memory_bytes_on(mesh, solid.as_ref(), bars)?);
         work.refuse_memory_by(job.memory_bytes(*size), exact)
     };
-    let finished = work.run_by(&job, memory, |job, mesh, solid, bars| {
+    let finished = work.run_by(&job.clone().into(), memory, |job, mesh, solid, bars| {
         job.join_parts(mesh, solid, parts, &mut |number| read(&files, number, parts), bars)
     })?;
     let wrong = || CliError::Service("the parts did not make an eigenbasis".to_owned());

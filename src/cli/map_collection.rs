@@ -15,9 +15,9 @@ use chladni_spectral::analysis::map_collection::{
 };
 use chladni_spectral::basis::{Basis, Product};
 use chladni_spectral::formats::npz;
-use chladni_work::JobParameters;
 use serde_json::{Value, json};
 
+use super::asked::Asked;
 use super::input::{MeshOptions, format, merge};
 use super::work::{OutputFile, given, insert_named, prepared};
 use super::{CliError, MeshInput, NumberingArguments, StageBars, Table, grouped, memory};
@@ -149,11 +149,11 @@ pub fn collect(arguments: MapCollectionArguments) -> Result<ExitCode, CliError> 
 
 impl MapCollectionArguments {
     /// How the eigenbasis of each shape is computed.
-    fn job(&self) -> Result<JobParameters, CliError> {
+    fn job(&self) -> Result<Asked, CliError> {
         let count = json!(self.pairs.saturating_add(MORE_PAIRS));
         let mut given = given([("method", Some(json!("hsim"))), ("count", Some(count))]);
         insert_named(&mut given, &self.named)?;
-        Ok(JobParameters::parse("eigenbasis", &Value::Object(given))?.undivided()?)
+        Asked::parse("eigenbasis", &Value::Object(given))
     }
 
     fn request(&self) -> CollectionRequest {
@@ -167,7 +167,7 @@ impl MapCollectionArguments {
         }
     }
 
-    fn solved(&self, path: &Path, job: &JobParameters, bars: &StageBars) -> Result<Solved, CliError> {
+    fn solved(&self, path: &Path, job: &Asked, bars: &StageBars) -> Result<Solved, CliError> {
         bars.begin("read");
         let how = MeshOptions { format: self.format, merge: self.merge, surface: SurfaceOf::Boundary, subdivide: 0 };
         let input = MeshInput { mesh: path.to_owned(), how };

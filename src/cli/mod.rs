@@ -2,6 +2,7 @@
 
 mod apply;
 mod arrays;
+mod asked;
 mod backup;
 mod batch;
 mod check;

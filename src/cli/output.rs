@@ -52,8 +52,14 @@ impl OutputFormat {
         Ok(format)
     }
 
-    /// Writes a product on its mesh. Tables have a row for each vertex as `to` numbers them; all else is on the kept
-    /// mesh, with both maps where the format can hold them.
+    /// Whether results have a value at vertices that were dropped.
+    pub fn has_dropped_vertices(self) -> bool {
+        self == Self::Csv
+    }
+
+    /// Writes a product on its mesh. Tables have a row for each vertex as `to` numbers them, and points without faces
+    /// are in its order; all else is on the kept mesh, with both maps, or with the vertices and faces of the file as
+    /// arrays on the surface.
     ///
     /// # Errors
     /// [`FormatError`].
@@ -68,8 +74,8 @@ impl OutputFormat {
         match (self, product) {
             (Self::Mat, Product::Eigenbasis(basis)) => matlab::write(basis, mesh, numbering, out),
             (Self::Csv, Product::Eigenbasis(basis)) => surface::write_csv(basis, to, out),
-            (Self::Vtp, Product::Eigenbasis(basis)) => surface::write_vtp(basis, mesh, out),
-            (Self::Ply, Product::Eigenbasis(basis)) => surface::write_ply(basis, mesh, out),
+            (Self::Vtp, Product::Eigenbasis(basis)) => surface::write_vtp(basis, mesh, numbering, to, out),
+            (Self::Ply, Product::Eigenbasis(basis)) => surface::write_ply(basis, mesh, numbering, to, out),
             (_, product) => product.write_npz_numbered(Some(numbering), out),
         }
     }

@@ -4,9 +4,10 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use chladni_spectral::basis::ProductKind;
-use chladni_work::{JobParameters, MESH_KINDS};
+use chladni_work::MESH_KINDS;
 use serde_json::{Map, Value};
 
+use super::asked::Asked;
 use super::work::{WorkArguments, json_argument};
 use super::{CliError, Table, bytes, grouped};
 
@@ -45,7 +46,7 @@ Examples:
   chladni run eigenbasis igea.ply --parameters @parameters.json --json";
 
 impl RunArguments {
-    fn job(&self) -> Result<JobParameters, CliError> {
+    fn job(&self) -> Result<Asked, CliError> {
         let given = match self.parameters.as_deref().map(|text| json_argument("--parameters", text)).transpose()? {
             None => Map::new(),
             Some(Value::Object(given)) => given,

@@ -206,5 +206,5 @@ pub fn compare_bases(arguments: CompareBasesArguments) -> Result<ExitCode, CliEr
         Ok::<_, CliError>(basis)
     };
     let (reference, other) = (of(&arguments.reference)?, of(&arguments.other)?);
-    print(&request.answer(&reference, &other, &Unwatched).map_err(refused)?)
+    print(&request.answer(&reference, &other, None, &Unwatched).map_err(refused)?)
 }

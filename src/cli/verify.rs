@@ -16,6 +16,7 @@ use chladni_work::verification::{
 };
 use chladni_work::{EigenbasisParameters, MeshSize, VibrationBasisParameters, Work};
 
+use super::asked::without_gaps;
 use super::eigsh::{mass, matrix, rows};
 use super::stored::kind_of;
 use super::{CliError, MeshInput, StageBars, Table, grouped, number, seconds};
@@ -211,7 +212,11 @@ impl VerifyArguments {
         let CheckedBody { surface, solid } = self.input.load_body()?;
         if self.operator.is_some() {
             // A potential that is given here is given as the file numbers its vertices.
-            let own = of_the_file(&parameters, &surface, solid.as_ref())?;
+            let mut own = Packed::from(&parameters.canonical());
+            if let (Some(operator), Some(own)) = (self.operator.as_deref(), own.get_mut("operator")) {
+                *own = Packed::from(&super::solve::operator(operator)?);
+            }
+            let own = of_the_file(own, &surface, solid.as_ref())?;
             parameters = EigenbasisParameters::read(&own)?;
         }
         let outcome = judge(basis, &surface.mesh, solid.as_ref(), &parameters, bars);
@@ -266,7 +271,7 @@ impl VerifyArguments {
             .map_err(|error| CliError::Usage(format!("{error}; list the clamped vertices with --fixed")))?;
         let CheckedBody { surface, solid } = self.input.load_body()?;
         if self.fixed.is_some() {
-            let own = of_the_file(&parameters, &surface, solid.as_ref())?;
+            let own = of_the_file(Packed::from(&parameters.canonical()), &surface, solid.as_ref())?;
             parameters = VibrationBasisParameters::read(&own)?;
         }
         let outcome = judge_modes(modes, &surface.mesh, solid.as_ref(), &parameters, bars);
@@ -282,10 +287,9 @@ impl VerifyArguments {
 }
 
 /// Parameters that name vertices as the file does, as they are in the mesh that is kept of it.
-fn of_the_file(parameters: &impl Work, surface: &CheckedMesh, solid: Option<&TetMesh>) -> Result<Packed, CliError> {
+fn of_the_file(mut own: Packed, surface: &CheckedMesh, solid: Option<&TetMesh>) -> Result<Packed, CliError> {
     let turned = surface.report.repaired(RepairKind::FlippedFaces);
     let file = Translation::of_file(Arc::new(surface.numbering.clone()), Extension::None).turning(turned);
-    let mut own = Packed::from(&parameters.canonical());
     translate_parameters(&mut own, &file, MeshSize::of_body(&surface.mesh, solid))?;
     Ok(own)
 }
@@ -329,6 +333,11 @@ const ID_DIGITS: usize = 32;
 /// The problem that the basis is said to solve.
 fn parameters(basis: &Basis, operator: Option<&str>) -> Result<EigenbasisParameters, CliError> {
     let operator = operator.map(super::solve::operator).transpose()?;
+    // Where it has no value at dropped vertices, any will do until the mesh is known.
+    let operator = operator.map(|operator| {
+        let mut filled = without_gaps(&json!({ "operator": operator }));
+        filled.as_mut().map_or(operator, |filled| filled["operator"].take())
+    });
     let told = operator.is_some();
     problem_of(basis, operator).map_err(|error| match told {
         true => error.into(),

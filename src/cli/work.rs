@@ -8,16 +8,16 @@ use std::time::Instant;
 
 use chladni_algebra::gpu::{self, GpuChoice};
 use chladni_mesh::check::{RepairKind, SurfaceOf};
-use chladni_mesh::numbering::Numbering;
+use chladni_mesh::numbering::{Extension, Numbering};
 use chladni_mesh::solid::CheckedBody;
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::Product;
 use chladni_spectral::formats::FormatError;
 use chladni_work::numbered::translate_parameters;
-use chladni_work::packed::Packed;
 use chladni_work::{JobError, JobParameters, MeshSize, Outcome, SOLVER_VERSION, abbreviate};
 use serde_json::{Map, Value, json};
 
+use super::asked::Asked;
 use super::output::OutputFormat;
 use super::{CliError, MeshInput, NumberingArguments, StageBars, memory};
 
@@ -48,8 +48,9 @@ pub struct WorkArguments {
     pub ignore_memory: bool,
 
     /// Write the result to this file: .npz with everything; for an eigenbasis also .mat (MATLAB, Octave), .csv (a row
-    /// for each vertex), .vtp or .ply (the surface with its eigenfunctions, for the vertices kept after repairs; points
-    /// without faces are in the order in which they are kept, along a curve through space)
+    /// for each vertex, as --numbering says), .vtp or .ply (the surface with its eigenfunctions; points without faces in
+    /// the order that --numbering says). Archives and surfaces have the vertices kept after repairs: .npz and .mat have the
+    /// maps vertex_map and face_map, .vtp and .ply the arrays file_vertex and file_face
     #[arg(long, short = 'o', value_name = "FILE", help_heading = "Output")]
     pub output: Option<PathBuf>,
 
@@ -106,9 +107,9 @@ impl WorkArguments {
     ///
     /// # Errors
     /// [`CliError::Usage`] or [`CliError::Parameters`] names what does not fit.
-    pub fn job(&self, kind: &str, mut given: Map<String, Value>) -> Result<JobParameters, CliError> {
+    pub fn job(&self, kind: &str, mut given: Map<String, Value>) -> Result<Asked, CliError> {
         insert_named(&mut given, &self.named)?;
-        Ok(JobParameters::parse(kind, &Value::Object(given))?.undivided()?)
+        Asked::parse(kind, &Value::Object(given))
     }
 
     /// Refuses parameters by name that a flag has `given` as well.
@@ -121,6 +122,16 @@ impl WorkArguments {
             Some(name) => Err(CliError::Usage(format!("--parameter {name}: a flag gives it as well"))),
             None => Ok(()),
         }
+    }
+
+    /// Refuses to extend what has no value at dropped vertices anyway, where the job names no vertex either.
+    fn refuse_extension(&self, format: OutputFormat, job: &Asked) -> Result<(), CliError> {
+        if self.numbered.extend == Extension::None || format.has_dropped_vertices() || job.is_numbered() {
+            return Ok(());
+        }
+        let reason = "--extend: is for .csv, which has a row for each vertex of the file, and for jobs that name vertices; .npz, .mat, \
+                      .vtp and .ply have no dropped vertices";
+        Err(CliError::Usage(reason.to_owned()))
     }
 
     /// Chooses the graphics card, which has to be there if it is named.
@@ -151,7 +162,7 @@ impl WorkArguments {
     ///
     /// # Errors
     /// [`CliError`]: a file that is no mesh, parameters that do not fit it.
-    pub fn prepare(&self, job: &JobParameters, pool: &rayon::ThreadPool) -> Result<Prepared, CliError> {
+    pub fn prepare(&self, job: &Asked, pool: &rayon::ThreadPool) -> Result<Prepared, CliError> {
         let body = pool.install(|| self.input.load_body())?;
         let (job, size, numbering) = prepared(&body, job, &self.numbered)?;
         let surface = body.surface.report.surface;
@@ -191,7 +202,7 @@ impl WorkArguments {
     ///
     /// # Errors
     /// [`CliError`]: an output that cannot be written is found out before the work begins.
-    pub fn run(&self, job: &JobParameters) -> Result<Finished, CliError> {
+    pub fn run(&self, job: &Asked) -> Result<Finished, CliError> {
         let memory = |prepared: &Prepared, _: &StageBars| {
             let estimate = prepared.job.memory_bytes(prepared.size);
             self.refuse_memory(estimate).map(|()| estimate)
@@ -205,7 +216,7 @@ impl WorkArguments {
     /// As [`run`](Self::run).
     pub fn run_by(
         &self,
-        job: &JobParameters,
+        job: &Asked,
         memory: impl FnOnce(&Prepared, &StageBars) -> Result<u64, CliError> + Send,
         work: impl FnOnce(&JobParameters, &TriangleMesh, Option<&TetMesh>, &StageBars) -> Result<Outcome, JobError> + Send,
     ) -> Result<Finished, CliError> {
@@ -216,6 +227,9 @@ impl WorkArguments {
             .as_deref()
             .map(|path| Ok::<_, CliError>((OutputFormat::of(path, job.kind())?, OutputFile::probe(path)?)));
         let output = output.transpose()?;
+        if let Some((format, _)) = &output {
+            self.refuse_extension(*format, job)?;
+        }
         let bars = StageBars::new(self.json || self.quiet);
         let began = Instant::now();
         bars.begin("read");
@@ -301,12 +315,12 @@ impl Finished {
 /// [`CliError::Parameters`] names what does not fit.
 pub fn prepared(
     body: &CheckedBody,
-    job: &JobParameters,
+    job: &Asked,
     numbered: &NumberingArguments,
 ) -> Result<(JobParameters, MeshSize, Arc<Numbering>), CliError> {
     let size = MeshSize::of_body(&body.surface.mesh, body.solid.as_ref());
     let numbering = Arc::new(body.surface.numbering.clone());
-    let mut parameters = Packed::from(&job.canonical());
+    let mut parameters = job.given();
     let turned = body.surface.report.repaired(RepairKind::FlippedFaces);
     let to = numbered.translation(Arc::clone(&numbering)).turning(turned);
     translate_parameters(&mut parameters, &to, size)?;

@@ -7,6 +7,7 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use chladni_spectral::basis::{Basis, ProductKind};
 use chladni_work::numbered::is_of_fields;
+use headers::ETag;
 use serde::Deserialize;
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
@@ -112,15 +113,20 @@ problems!(ShowBasisProblems: [INVALID_QUERY, UNKNOWN_BASIS]);
 )]
 async fn show(state: ClientState, BasisId(id): BasisId, headers: HeaderMap) -> Result<Response, Problem> {
     let record = state.store.basis(id).await?;
-    let hash = record.content_hash.get(..16).unwrap_or(&record.content_hash);
-    let tag = conditional::weak(&format!("{}-{hash}", record.id))?;
+    let tag = tag_of(&record)?;
     let make = || Json(BasisResource::from(record)).into_response();
     let mut response = conditional::unless_known(&headers, tag, make);
     response.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
     Ok(response)
 }
 
-problems!(DeleteBasisProblems: WRITE [INVALID_QUERY, UNKNOWN_BASIS, BASIS_IN_USE]);
+/// The entity tag of a basis.
+fn tag_of(record: &BasisRecord) -> Result<ETag, Problem> {
+    let hash = record.content_hash.get(..16).unwrap_or(&record.content_hash);
+    conditional::weak(&format!("{}-{hash}", record.id))
+}
+
+problems!(DeleteBasisProblems: WRITE CONDITION [INVALID_QUERY, UNKNOWN_BASIS, BASIS_IN_USE]);
 
 /// Deletes a basis
 ///
@@ -128,14 +134,17 @@ problems!(DeleteBasisProblems: WRITE [INVALID_QUERY, UNKNOWN_BASIS, BASIS_IN_USE
 /// waits or runs.
 #[utoipa::path(
     delete, path = "/v1/bases/{id}", tag = "bases", operation_id = "deleteBasis",
-    params(BasisId),
+    params(BasisId, ("If-Match" = Option<String>, Header, description = "Only where this is the `ETag` of the present state", example = "W/\"0f6d2c4ab1e84cf2\"")),
     responses(
         (status = 204, description = "The basis is gone"),
         DeleteBasisProblems,
     ),
     security(("bearer" = ["operate"]))
 )]
-async fn delete(state: ClientState, BasisId(id): BasisId) -> Result<StatusCode, Problem> {
+async fn delete(state: ClientState, BasisId(id): BasisId, headers: HeaderMap) -> Result<StatusCode, Problem> {
+    if conditional::has_condition(&headers) {
+        conditional::require(&headers, &tag_of(&state.store.basis(id).await?)?)?;
+    }
     state.store.delete_basis(id).await?;
     tracing::info!(basis = %id, "basis deleted");
     Ok(StatusCode::NO_CONTENT)

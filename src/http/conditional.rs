@@ -1,4 +1,4 @@
-//! Conditional and partial requests: ETag, If-None-Match, Range and If-Range (RFC 9110, sections 13 and 14).
+//! Conditional and partial requests: ETag, If-Match, If-None-Match, Range and If-Range (RFC 9110, sections 13 and 14).
 
 use std::ops::Range;
 
@@ -28,6 +28,39 @@ pub fn weak(tag: &str) -> Result<ETag, Problem> {
 /// Whether `If-None-Match` names `tag` (weak comparison), so that the answer is 304.
 pub fn matches(headers: &HeaderMap, tag: &ETag) -> bool {
     headers.typed_get::<IfNoneMatch>().is_some_and(|condition| !condition.precondition_passes(tag))
+}
+
+/// Goes on only where `If-Match`, if there is one, names `tag` or `*`. Tags of resources are weak, as one state of
+/// them is written in many ways; who changes a resource means its state, so that they are compared without regard to
+/// that, other than RFC 9110 has it for those who change bytes.
+///
+/// # Errors
+/// `precondition-failed`.
+pub fn require(headers: &HeaderMap, tag: &ETag) -> Result<(), Problem> {
+    let bare = |tag: &str| tag.trim().trim_start_matches("W/").to_owned();
+    let mut own = Vec::with_capacity(1);
+    tag.encode(&mut own);
+    let own = own.first().and_then(|tag| tag.to_str().ok()).map(bare).unwrap_or_default();
+    let named = headers.get_all(header::IF_MATCH).iter().map(|line| line.to_str().unwrap_or_default());
+    let mut none = true;
+    for tag in named.flat_map(|line| line.split(',')).map(bare) {
+        if tag == "*" || tag == own {
+            return Ok(());
+        }
+        none = false;
+    }
+    match none {
+        true => Ok(()),
+        false => {
+            let detail = format!("If-Match names another state than {own}, which is the present one.");
+            Err(Problem::new(&problem::PRECONDITION_FAILED, detail))
+        }
+    }
+}
+
+/// Whether a request has a condition that [`require`] looks at.
+pub fn has_condition(headers: &HeaderMap) -> bool {
+    headers.contains_key(header::IF_MATCH)
 }
 
 /// The answer that `make` gives, or 304 where the client has it already; tagged in either case.
@@ -105,6 +138,24 @@ mod tests {
         }
         headers.insert(header::IF_RANGE, "\"tag\"".parse().unwrap());
         assert_eq!(range(&headers, 100, &tag).unwrap(), Some(0..10));
+    }
+
+    #[test]
+    fn if_match_names_the_present_state_however_strongly() {
+        let tag = weak("tag").unwrap();
+        let asked = |lines: &[&str]| {
+            let mut headers = HeaderMap::new();
+            for line in lines {
+                headers.append(header::IF_MATCH, line.parse().unwrap());
+            }
+            require(&headers, &tag).map_err(|problem| problem.kind().status)
+        };
+        for holds in [&[][..], &["*"], &["W/\"tag\""], &["\"tag\""], &["\"a\", W/\"tag\""], &["\"a\"", "\"tag\""]] {
+            assert_eq!(asked(holds), Ok(()), "{holds:?}");
+        }
+        for fails in [&["\"other\""][..], &["W/\"tag2\""], &["tag"], &[""]] {
+            assert_eq!(asked(fails), Err(412), "{fails:?}");
+        }
     }
 
     #[test]

@@ -531,7 +531,7 @@ struct DeleteQuery {
     cascade: bool,
 }
 
-problems!(DeleteJobProblems: WRITE [INVALID_QUERY, UNKNOWN_JOB, STATE_CONFLICT, BASIS_IN_USE]);
+problems!(DeleteJobProblems: WRITE CONDITION [INVALID_QUERY, UNKNOWN_JOB, STATE_CONFLICT, BASIS_IN_USE]);
 
 /// Deletes a job
 ///
@@ -539,7 +539,7 @@ problems!(DeleteJobProblems: WRITE [INVALID_QUERY, UNKNOWN_JOB, STATE_CONFLICT, 
 /// `cascade=true`.
 #[utoipa::path(
     delete, path = "/v1/jobs/{id}", tag = "jobs", operation_id = "deleteJob",
-    params(JobId, DeleteQuery),
+    params(JobId, DeleteQuery, ("If-Match" = Option<String>, Header, description = "Only where this is the `ETag` of the present state", example = "W/\"0f6d2c4ab1e84cf2\"")),
     responses(
         (status = 204, description = "The job is gone"),
         DeleteJobProblems,
@@ -550,7 +550,11 @@ async fn delete(
     state: ClientState,
     JobId(id): JobId,
     QueryOf(query): QueryOf<DeleteQuery>,
+    headers: HeaderMap,
 ) -> Result<StatusCode, Problem> {
+    if conditional::has_condition(&headers) {
+        conditional::require(&headers, &conditional::weak(&state.store.job(id).await?.revision.to_string())?)?;
+    }
     state.store.delete_job(id, query.cascade).await?;
     tracing::info!(job = %id, cascade = query.cascade, "job deleted");
     Ok(StatusCode::NO_CONTENT)

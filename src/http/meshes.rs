@@ -30,7 +30,7 @@ use super::problems::problems;
 use super::state::AppState;
 use super::upload::{Sent, check_name};
 use super::wire::{MeshResource, PageOf};
-use super::{body, exchange};
+use super::{body, conditional, exchange};
 use crate::store::{MeshRecord, NewMesh};
 
 /// About the bytes that the triangles around a point take while points without faces are checked.
@@ -311,14 +311,23 @@ async fn show(state: ClientState, MeshId(id): MeshId, headers: HeaderMap) -> Res
     Ok(named::shown(&headers, tag, MeshResource::from(record)))
 }
 
-problems!(RenameMeshProblems: BODY JSON WRITE [INVALID_QUERY, UNKNOWN_MESH]);
+/// That a mesh is in the state that `If-Match` names.
+async fn require(state: &ClientState, id: &str, headers: &HeaderMap) -> Result<(), Problem> {
+    if !conditional::has_condition(headers) {
+        return Ok(());
+    }
+    let record = state.store.mesh(id).await?;
+    conditional::require(headers, &named::tag(&record.id, record.name.as_deref())?)
+}
+
+problems!(RenameMeshProblems: BODY JSON WRITE CONDITION [INVALID_QUERY, UNKNOWN_MESH]);
 
 /// Renames a mesh
 ///
 /// The name is for people; the id stays.
 #[utoipa::path(
     patch, path = "/v1/meshes/{id}", tag = "meshes", operation_id = "renameMesh",
-    params(MeshId),
+    params(MeshId, ("If-Match" = Option<String>, Header, description = "Only where this is the `ETag` of the present state", example = "W/\"0f6d2c4ab1e84cf2\"")),
     request_body(content = RenameRequest),
     responses(
         (status = 200, description = "The mesh under its new name", body = MeshResource),
@@ -333,6 +342,7 @@ async fn rename(
     body: Body,
 ) -> Result<Json<MeshResource>, Problem> {
     let name = named::new_name(&state, &headers, body).await?;
+    require(&state, &id, &headers).await?;
     let record = state.store.rename_mesh(&id, name.as_deref()).await?;
     tracing::info!(mesh = record.id, "mesh renamed");
     Ok(Json(MeshResource::from(record)))
@@ -349,14 +359,14 @@ struct DeleteQuery {
     cascade: bool,
 }
 
-problems!(DeleteMeshProblems: WRITE [INVALID_QUERY, UNKNOWN_MESH, MESH_IN_USE]);
+problems!(DeleteMeshProblems: WRITE CONDITION [INVALID_QUERY, UNKNOWN_MESH, MESH_IN_USE]);
 
 /// Deletes a mesh
 ///
 /// Refused while unfinished jobs or bases refer to it, unless `cascade=true`.
 #[utoipa::path(
     delete, path = "/v1/meshes/{id}", tag = "meshes", operation_id = "deleteMesh",
-    params(MeshId, DeleteQuery),
+    params(MeshId, DeleteQuery, ("If-Match" = Option<String>, Header, description = "Only where this is the `ETag` of the present state", example = "W/\"0f6d2c4ab1e84cf2\"")),
     responses(
         (status = 204, description = "The mesh is gone"),
         DeleteMeshProblems,
@@ -367,7 +377,9 @@ async fn delete(
     state: ClientState,
     MeshId(id): MeshId,
     QueryOf(query): QueryOf<DeleteQuery>,
+    headers: HeaderMap,
 ) -> Result<StatusCode, Problem> {
+    require(&state, &id, &headers).await?;
     state.store.delete_mesh(&id, query.cascade).await?;
     tracing::info!(mesh = id, cascade = query.cascade, "mesh deleted");
     Ok(StatusCode::NO_CONTENT)

@@ -23,7 +23,7 @@ use super::problems::problems;
 use super::state::AppState;
 use super::upload::check_name;
 use super::wire::PageOf;
-use super::{body, exchange};
+use super::{body, conditional, exchange};
 
 /// The routes of problems.
 pub fn routes() -> OpenApiRouter<AppState> {
@@ -177,14 +177,23 @@ async fn show(state: ClientState, ProblemId(id): ProblemId, headers: HeaderMap) 
     Ok(named::shown(&headers, tag, ProblemResource::from(record)))
 }
 
-problems!(RenameProblemProblems: BODY JSON WRITE [INVALID_QUERY, UNKNOWN_PROBLEM]);
+/// That a problem is in the state that `If-Match` names.
+async fn require(state: &ClientState, id: &str, headers: &HeaderMap) -> Result<(), Problem> {
+    if !conditional::has_condition(headers) {
+        return Ok(());
+    }
+    let record = state.store.problem(id).await?;
+    conditional::require(headers, &named::tag(&record.id, record.name.as_deref())?)
+}
+
+problems!(RenameProblemProblems: BODY JSON WRITE CONDITION [INVALID_QUERY, UNKNOWN_PROBLEM]);
 
 /// Renames a problem
 ///
 /// The name is for people; the id stays.
 #[utoipa::path(
     patch, path = "/v1/problems/{id}", tag = "problems", operation_id = "renameProblem",
-    params(ProblemId),
+    params(ProblemId, ("If-Match" = Option<String>, Header, description = "Only where this is the `ETag` of the present state", example = "W/\"0f6d2c4ab1e84cf2\"")),
     request_body(content = RenameRequest),
     responses(
         (status = 200, description = "The problem under its new name", body = ProblemResource),
@@ -199,6 +208,7 @@ async fn rename(
     body: Body,
 ) -> Result<Json<ProblemResource>, Problem> {
     let name = named::new_name(&state, &headers, body).await?;
+    require(&state, &id, &headers).await?;
     let record = state.store.rename_problem(&id, name.as_deref()).await?;
     tracing::info!(problem = record.id, "problem renamed");
     Ok(Json(ProblemResource::from(record)))
@@ -215,14 +225,14 @@ struct DeleteQuery {
     cascade: bool,
 }
 
-problems!(DeleteProblemProblems: WRITE [INVALID_QUERY, UNKNOWN_PROBLEM, PROBLEM_IN_USE]);
+problems!(DeleteProblemProblems: WRITE CONDITION [INVALID_QUERY, UNKNOWN_PROBLEM, PROBLEM_IN_USE]);
 
 /// Deletes a problem
 ///
 /// Refused while unfinished jobs or bases refer to it, unless `cascade=true`.
 #[utoipa::path(
     delete, path = "/v1/problems/{id}", tag = "problems", operation_id = "deleteProblem",
-    params(ProblemId, DeleteQuery),
+    params(ProblemId, DeleteQuery, ("If-Match" = Option<String>, Header, description = "Only where this is the `ETag` of the present state", example = "W/\"0f6d2c4ab1e84cf2\"")),
     responses(
         (status = 204, description = "The problem is gone"),
         DeleteProblemProblems,
@@ -233,7 +243,9 @@ async fn delete(
     state: ClientState,
     ProblemId(id): ProblemId,
     QueryOf(query): QueryOf<DeleteQuery>,
+    headers: HeaderMap,
 ) -> Result<StatusCode, Problem> {
+    require(&state, &id, &headers).await?;
     state.store.delete_problem(&id, query.cascade).await.map_err(pencil_upload::in_use)?;
     tracing::info!(problem = id, cascade = query.cascade, "problem deleted");
     Ok(StatusCode::NO_CONTENT)

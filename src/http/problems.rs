@@ -39,6 +39,9 @@ pub const PAGE: List = &[&problem::INVALID_QUERY, &problem::INVALID_CURSOR];
 /// What whatever writes to the store may answer.
 pub const WRITE: List = &[&problem::STORAGE_FULL, &problem::STORAGE_BUSY, &problem::STORAGE_UNAVAILABLE];
 
+/// What a change under `If-Match` may answer.
+pub const CONDITION: List = &[&problem::PRECONDITION_FAILED];
+
 /// The responses of a route for the kinds in `lists`: one for each status.
 pub fn responses(lists: &[&[&'static Kind]]) -> BTreeMap<String, RefOr<Response>> {
     let mut by_status: BTreeMap<u16, Vec<&str>> = BTreeMap::new();

@@ -44,14 +44,16 @@ async fn compare_bases(state: ClientState, headers: HeaderMap, content: Body) ->
     exchange::answer_type(&headers, false, &[])?;
     let body = body::read(&state, &headers, content, MOST_BYTES).await?;
     let request: BasisComparisonRequest = exchange::parse(&state, body, exchange::BYTES_PER_NUMBER).await?;
-    let reference = on_vertices(&state, BasisId::parse(&request.reference)?.0).await?;
-    let other = on_vertices(&state, BasisId::parse(&request.other)?.0).await?;
+    let ids = [BasisId::parse(&request.reference)?.0, BasisId::parse(&request.other)?.0];
+    let reference = on_vertices(&state, ids[0]).await?;
+    let other = on_vertices(&state, ids[1]).await?;
     BasisComparisonRequest::check(&reference, &other)
         .map_err(|fault| Problem::from(fault).with("bases", vec![request.reference.clone(), request.other.clone()]))?;
+    let same_mesh = state.store.basis(ids[0]).await?.mesh == state.store.basis(ids[1]).await?.mesh;
     state
         .solve("compare_bases", move |monitor| {
             let begin = Instant::now();
-            Answer::json(&request.answer(&reference, &other, monitor)?, begin)
+            Answer::json(&request.answer(&reference, &other, Some(same_mesh), monitor)?, begin)
         })
         .await
 }

@@ -56,7 +56,7 @@ problems!(SimulateProblems: SOLVE BODY JSON [INVALID_SIMULATION]);
     )),
     responses(
         (status = 200, description = "The motion, frames, or a sound", content((SimulateAnswer = "application/json"), (super::docs::Binary = "application/octet-stream"), (super::docs::Binary = "audio/wav")),
-            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Peak" = f64), ("Server-Timing" = String))),
+            headers(("Chladni-Rows" = u64), ("Chladni-Columns" = u64), ("Chladni-Peak" = f64), ("Chladni-Held-Loads" = u64, description = "Of frames and sounds: how many impulses and forces do nothing, as their vertex is held"), ("Server-Timing" = String))),
         SimulateProblems,
     ),
     security(("bearer" = ["read"]))
@@ -91,6 +91,7 @@ async fn simulate(
             && let Some(sound) = request.sound(&modes, &surface)?
         {
             return Ok(Answer::new(sound.to_wav(), WAV, begin)
+                .with("chladni-held-loads", request.held_loads(&modes).len())
                 .with("chladni-peak", sound.peak())
                 .with("chladni-modes", sound.modes)
                 .with("chladni-modes-too-high", sound.too_high));
@@ -108,6 +109,7 @@ async fn simulate(
         let frames = request.translated_frames(&to, request.frames(&modes, most, monitor)?);
         let bytes: Vec<u8> = frames.numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
         Ok(Answer::new(bytes, OCTETS, begin)
+            .with("chladni-held-loads", request.held_loads(&modes).len())
             .with("chladni-rows", frames.rows)
             .with("chladni-columns", frames.columns)
             .with("chladni-dtype", "f32"))

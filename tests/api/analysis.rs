@@ -412,6 +412,7 @@ async fn two_bases_are_compared_function_by_function() {
     let body = json!({"reference": basis, "other": basis, "coefficients": true});
     let same = ask(&app, url, &body).await;
     assert_eq!((&same["pairs"], same["eigenspaces"].as_array().unwrap().len()), (&json!(3), 3));
+    assert_eq!(same["same_mesh"], true);
     assert!(close(&numbers(&same["coefficients"]["values"]), &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]), "{same}");
     for name in ["eigenvalue_errors", "projection_errors", "angles"] {
         assert!(numbers(&same[name]).iter().all(|x| x.abs() < 1e-6), "{same}");
@@ -420,6 +421,11 @@ async fn two_bases_are_compared_function_by_function() {
     let wide = ask(&app, url, &json!({"reference": basis, "other": basis, "gap": 0.6, "pairs": 3})).await;
     assert_eq!((&wide["eigenspaces"][1]["from"], &wide["eigenspaces"][1]["to"]), (&json!(1), &json!(3)));
     assert!(wide["coefficients"].is_null());
+    // A mesh of as many vertices in another place is another one.
+    let moved = "OFF\n6 8 0\n3 0 0\n1 0 0\n2 1 0\n2 -1 0\n2 0 1\n2 0 -1\n3 0 2 4\n3 2 1 4\n3 1 3 4\n3 3 0 4\n3 2 0 5\n3 1 2 5\n3 3 1 5\n3 0 3 5\n";
+    let moved = app.submit(&text(&app.upload("off", moved).await["id"]), json!({"count": 3})).await;
+    let moved = text(&app.finished(&text(&moved["id"])).await["basis"]);
+    assert_eq!(ask(&app, url, &json!({"reference": basis, "other": moved})).await["same_mesh"], false);
     let elsewhere = app.submit(&round, json!({"count": 3})).await;
     let elsewhere = text(&app.finished(&text(&elsewhere["id"])).await["basis"]);
     refused(

@@ -210,6 +210,18 @@ async fn a_mesh_is_renamed_and_found_by_its_name() {
         let page: Value = answer.json().await.unwrap();
         assert_eq!(page["items"].as_array().unwrap().len(), found, "{part}");
     }
+    // Who saw another state than the present one changes nothing.
+    let tag = app.get(&path).send().await.unwrap().headers()["etag"].clone();
+    let under = |tag: &str| {
+        let tag = tag.to_owned();
+        app.client.patch(app.url(&path)).header("if-match", tag).json(&json!({"name": "Äußeres Oktaeder 99%"})).send()
+    };
+    problem(under("W/\"other\"").await.unwrap(), 412, "precondition-failed").await;
+    assert_eq!(under(tag.to_str().unwrap()).await.unwrap().status(), 200);
+    problem(under(tag.to_str().unwrap()).await.unwrap(), 412, "precondition-failed").await;
+    let stale = app.delete(&path).header("if-match", tag).send().await.unwrap();
+    problem(stale, 412, "precondition-failed").await;
+    assert_eq!(app.get(&path).send().await.unwrap().status(), 200);
     problem(rename(json!({"name": "n".repeat(201)})).await.unwrap(), 422, "invalid-request").await;
     problem(rename(json!({"nom": "n"})).await.unwrap(), 422, "invalid-request").await;
     let nameless: Value = rename(json!({"name": null})).await.unwrap().json().await.unwrap();

@@ -200,3 +200,54 @@ async fn what_cannot_vibrate_is_refused_by_name() {
         problem(refused, 422, &format!("invalid-parameter/{name}")).await;
     }
 }
+
+/// A sphere whose file has two vertices that no face uses, two of its own held.
+#[tokio::test]
+async fn what_an_answer_has_goes_in_again_and_held_vertices_count() {
+    let app = app();
+    let mesh = generate(Shape::Sphere, 200).unwrap();
+    let n = mesh.positions.len();
+    let mut file = "v 7 7 7\n".to_owned();
+    mesh.positions.iter().for_each(|[x, y, z]| writeln!(file, "v {x:?} {y:?} {z:?}").unwrap());
+    file.push_str("v 8 8 8\n");
+    mesh.faces.iter().for_each(|[a, b, c]| writeln!(file, "f {} {} {}", a + 2, b + 2, c + 2).unwrap());
+    let id = text(&app.upload("obj", file).await["id"]);
+    let shown = modes(&app, &id, json!({"count": 12, "thickness": 0.05, "clamped": [3, 9]})).await;
+    let url = format!("{}/simulate", text(&shown["links"]["self"]));
+    let ask = async |body: Value| -> Value {
+        let answer = app.post(&url).json(&body).send().await.unwrap();
+        assert_eq!(answer.status(), 200, "{body}");
+        answer.json().await.unwrap()
+    };
+    let taps = json!([
+        {"impulse": {"vertex": 20, "momentum": [0.0, 0.0, 1.0]}}, {"impulse": {"vertex": 9, "momentum": [0.0, 0.0, 1.0]}},
+        {"body": {"acceleration": [0, 0, -1], "to": 1.0}}, {"force": {"vertex": 3, "from": 0.0, "to": 1.0, "force": [1, 0, 0]}}
+    ]);
+    let first = ask(json!({"loads": taps, "times": [0.001]})).await;
+    assert_eq!((&first["held_loads"], &first["left_out"]), (&json!([1, 3]), &json!(0.0)));
+    let raw =
+        app.post(&url).json(&json!({"loads": taps, "times": [0.001]})).header("accept", "application/octet-stream");
+    assert_eq!(raw.send().await.unwrap().headers()["chladni-held-loads"], "2");
+    let frame = first["displacements"][0].as_array().unwrap();
+    assert_eq!((frame.len(), &frame[0], &frame[3 * n + 5]), (3 * (n + 2), &Value::Null, &Value::Null));
+    // Three numbers of each vertex in a row, null where the file has no vertex; and the same with null for the row.
+    let rows: Vec<Value> = frame.chunks(3).map(|row| json!(row)).collect();
+    let whole: Vec<Value> = rows.iter().map(|row| if row[0].is_null() { Value::Null } else { row.clone() }).collect();
+    let mut back = Vec::new();
+    for displacements in [rows.clone(), whole] {
+        back.push(ask(json!({"initial": {"vertices": {"displacements": displacements}}, "times": [0.0]})).await);
+    }
+    assert_eq!(back[0], back[1]);
+    assert!(back[0]["left_out"].as_f64().unwrap() < 1e-2, "{}", back[0]["left_out"]);
+    // Where the file has a vertex, there must be a number.
+    let mut gap = rows.clone();
+    gap[5] = json!([0.0, null, 0.0]);
+    let body = json!({"initial": {"vertices": {"displacements": gap}}, "times": [0.0]});
+    let refused = app.post(&url).json(&body).send().await.unwrap();
+    assert_eq!(refused.status(), 422);
+    assert!(refused.text().await.unwrap().contains("vertex 5"));
+    let mut held: Vec<Value> = vec![json!([0.0, 0.0, 0.0]); n + 2];
+    held[9] = json!([0.0, 0.0, 1.0]);
+    let told = ask(json!({"initial": {"vertices": {"displacements": held}}, "times": [0.0]})).await;
+    assert_eq!(told["left_out"], 1.0);
+}

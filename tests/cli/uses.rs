@@ -231,7 +231,7 @@ fn shapes_are_mapped_and_compared_by_their_files() {
     let compared = bench.told(&["compare-bases", &bench.basis, &bench.basis, "--request", r#"{"pairs": 12}"#]);
     let basis = bench.read();
     let expected = typed::<BasisComparisonRequest>(json!({"reference": "a", "other": "b", "pairs": 12}));
-    let expected = expected.answer(&basis, &basis, &chladni_base::Unwatched).unwrap();
+    let expected = expected.answer(&basis, &basis, None, &chladni_base::Unwatched).unwrap();
     assert_eq!(compared, serde_json::to_value(expected).unwrap());
 
     for (arguments, expected, word) in [
@@ -310,10 +310,15 @@ fn other_kinds_of_results_are_continued_from_and_none_is_taken_for_another() {
             "simulate",
             &bench.basis,
             &["--request", "{}"],
-            "of the kind eigenbasis, where one of the kind vibration_basis",
+            "of the kind eigenbasis; this command needs one of the kind vibration_basis",
         ),
-        ("family-spectrum", &modes, &[], "of the kind vibration_basis, where one of the kind operator_family"),
-        ("eigenfields", &family, &[], "of the kind operator_family, where one of the kind field_basis"),
+        (
+            "family-spectrum",
+            &modes,
+            &[],
+            "of the kind vibration_basis; this command needs one of the kind operator_family",
+        ),
+        ("eigenfields", &family, &[], "of the kind operator_family; this command needs one of the kind field_basis"),
         ("eigenfields", &fields, &["--to", "1000"], "but the basis has"),
     ] {
         let refused = chladni(&[&[command, file, mesh], arguments].concat());

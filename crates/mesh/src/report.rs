@@ -67,7 +67,8 @@ pub struct MeshReport {
     /// Texture coordinates, normals and names that are kept, where the file has any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub attributes: Option<super::attributes::AttributeReport>,
-    /// What is wrong with the mesh as given, by kind; kinds that do not occur are left out.
+    /// What is wrong with the mesh as given, by kind; kinds that do not occur are left out. Edges that only copies of
+    /// faces make non-manifold are none.
     pub defects: Vec<Defect>,
     /// What was done about it; none of it loses anything, but for [`RepairKind::LeftOutTetrahedra`], which is done on
     /// request alone.

@@ -100,18 +100,6 @@ impl EdgeTable {
         }
     }
 
-    /// Edges with three or more faces, by their first face.
-    pub(super) fn non_manifold_edges(&self) -> Tally {
-        let mut found = Vec::new();
-        self.for_each_edge(|_, _, records| {
-            if records.len() > 2 {
-                found.extend(records.iter().map(|&r| half_edge(r) / 3).min());
-            }
-        });
-        found.sort_unstable();
-        tally(&found)
-    }
-
     /// The faces that name the same vertices in the same direction as an earlier one, ascending.
     pub(super) fn duplicate_faces(&self, faces: &[[u32; 3]]) -> Vec<u32> {
         let mut duplicates = Vec::new();

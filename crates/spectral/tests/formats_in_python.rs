@@ -143,10 +143,11 @@ fn scipy_opens_the_mat_file_and_numpy_the_table() {
     surface::write_csv(&basis, &to, &mut bytes).unwrap();
     write("a.csv", bytes);
     let mut bytes = Vec::new();
-    surface::write_vtp(&basis, mesh, &mut bytes).unwrap();
+    surface::write_vtp(&basis, mesh, numbering, &to, &mut bytes).unwrap();
     write("a.vtp", bytes);
     let mut bytes = Vec::new();
-    surface::write_ply(&basis, mesh, &mut bytes).unwrap();
+    surface::write_ply(&basis, mesh, numbering, &to, &mut bytes).unwrap();
+    write("a.ply", bytes.clone());
     let back = read(&bytes, MeshFormat::Ply, &ReadLimits::default()).unwrap();
     assert_eq!((&back.positions, &back.faces), (&mesh.positions, &mesh.faces));
     let script = r#"
@@ -168,11 +169,17 @@ found = {}
 for kind, name, offset in re.findall(rb'type="(\w+)" Name="(\w+)" [^>]*offset="(\d+)"', data[:start]):
     at = start + int(offset)
     size = int(np.frombuffer(data, "<u8", 1, at)[0])
-    dtype = {b"Float64": "<f8", b"Float32": "<f4", b"UInt32": "<u4", b"Int64": "<i8"}[kind]
+    dtype = {b"Float64": "<f8", b"Float32": "<f4", b"UInt32": "<u4", b"Int64": "<i8", b"Int32": "<i4"}[kind]
     found[name.decode()] = np.frombuffer(data, dtype, size // np.dtype(dtype).itemsize, at + 8)
 assert (found["eigenvalues"] == [0, 3.25]).all() and (found["mode_1"] == functions[:, 1]).all()
 assert (found["Points"].reshape(3, 3) == a["vertices"]).all()
 assert (found["connectivity"] == [0, 1, 2]).all() and (found["offsets"] == [3]).all()
+assert (found["file_vertex"] == [1, 2, 3]).all() and (found["file_face"] == [0]).all()
+head, rest = open("a.ply", "rb").read().split(b"end_header\n")
+assert b"property int file_vertex\nelement face 1\n" in head and head.endswith(b"property int file_face\n")
+vertices = np.frombuffer(rest, "<f8, <f8, <f8, <f4, <f4, <i4", 3)
+assert (vertices["f5"] == [1, 2, 3]).all() and (vertices["f4"] == functions[:, 1]).all()
+assert rest[3 * 36:] == np.array([(3, 0, 1, 2, 0)], "u1, <i4, <i4, <i4, <i4").tobytes()
 assert data[at + 8 + size:] == b"\n</AppendedData>\n</VTKFile>\n"
 "#;
     let out = Command::new(python).args(["-c", script]).current_dir(folder.path()).output().unwrap();

@@ -59,10 +59,13 @@ impl From<Eigenspace> for EigenspaceAnswer {
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[cfg_attr(feature = "schema", schema(example = json!({
-    "pairs": 2, "eigenvalue_errors": [0.0, 0.003], "projection_errors": [0.0, 0.01], "angles": [0.0, 0.01],
+    "same_mesh": true, "pairs": 2, "eigenvalue_errors": [0.0, 0.003], "projection_errors": [0.0, 0.01], "angles": [0.0, 0.01],
     "eigenspaces": [{"from": 0, "to": 1, "angles": [0.0], "error": 0.0}, {"from": 1, "to": 2, "angles": [0.01], "error": 0.01}], "coefficients": null
 })))]
 pub struct BasisComparisonAnswer {
+    /// Whether both bases are of one mesh, or one problem; null where that is not known, as of two files. If they are
+    /// not, their vertices are matched by their numbers alone, as those of one shape in two poses.
+    pub same_mesh: Option<bool>,
     /// How many pairs were compared.
     pub pairs: usize,
     /// Per pair the eigenvalue of the other basis less that of the reference, over that.
@@ -104,7 +107,7 @@ impl BasisComparisonRequest {
         if reference == other { Ok(()) } else { Err(BasisComparisonFault::Vertices { reference, other }) }
     }
 
-    /// Compares two bases.
+    /// Compares two bases; `same_mesh` is what is known of their meshes.
     ///
     /// # Errors
     /// [`BasisComparisonFault`] names what does not fit.
@@ -112,12 +115,14 @@ impl BasisComparisonRequest {
         &self,
         reference: &Basis,
         other: &Basis,
+        same_mesh: Option<bool>,
         monitor: &dyn Monitor,
     ) -> Result<BasisComparisonAnswer, BasisComparisonFault> {
         Self::check(reference, other)?;
         let pairs = self.pairs.unwrap_or(reference.count().min(other.count()).min(MOST_PAIRS));
         let found = compare(reference, other, pairs, self.gap, monitor)?;
         Ok(BasisComparisonAnswer {
+            same_mesh,
             pairs,
             eigenvalue_errors: found.eigenvalue_errors,
             projection_errors: found.projection_errors,

@@ -4,7 +4,7 @@ use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::TriangleMesh;
 use chladni_spectral::analysis::sound::{Listening, Sound, listen};
 use chladni_spectral::analysis::vibration::{Damping, Load, ModeState, Motion, SimulationError, check_times, in_modes};
-use chladni_spectral::basis::modal::ModalBasis;
+use chladni_spectral::basis::modal::{FIXED, ModalBasis};
 use serde::{Deserialize, Serialize};
 
 /// The most loads.
@@ -81,13 +81,33 @@ pub struct ModalState {
 pub enum InitialRequest {
     /// In coordinates of the modes.
     State(ModalState),
-    /// By a vector for each vertex, or none for zeros. What no mode holds is left out, and told.
+    /// By a vector for each vertex, or none for zeros. What no mode holds is left out, and told. Vertices of a file
+    /// that were dropped may have `null`, as in answers, in place of a vector or of its numbers.
     Vertices {
         /// How far it is displaced, in units of the mesh.
+        #[serde(default, deserialize_with = "vectors")]
+        #[cfg_attr(feature = "schema", schema(value_type = Option<Vec<Option<Vec<Option<f64>>>>>))]
         displacements: Option<Vec<[f64; 3]>>,
         /// How fast it moves.
+        #[serde(default, deserialize_with = "vectors")]
+        #[cfg_attr(feature = "schema", schema(value_type = Option<Vec<Option<Vec<Option<f64>>>>>))]
         velocities: Option<Vec<[f64; 3]>>,
     },
+}
+
+/// Vectors, in which NaN stands for null.
+fn vectors<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Option<Vec<[f64; 3]>>, D::Error> {
+    struct Vector([f64; 3]);
+
+    impl<'de> Deserialize<'de> for Vector {
+        fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+            let numbers = Option::<[Option<f64>; 3]>::deserialize(deserializer)?;
+            Ok(Self(numbers.unwrap_or_default().map(|number| number.unwrap_or(f64::NAN))))
+        }
+    }
+
+    let read = Option::<Vec<Vector>>::deserialize(deserializer)?;
+    Ok(read.map(|list| list.into_iter().map(|Vector(numbers)| numbers).collect()))
 }
 
 /// What is wanted of a motion.
@@ -143,7 +163,7 @@ pub struct SimulateRequest {
     pub damping: DampingRequest,
     /// In which state it is at time 0, before whatever happens then; at rest, unless it is given.
     pub initial: Option<InitialRequest>,
-    /// Impulses, forces and accelerations; those on clamped vertices do nothing.
+    /// Impulses, forces and accelerations; those on clamped vertices do nothing, and the answer names them.
     #[serde(default)]
     pub loads: Vec<LoadRequest>,
     /// Times, ascending.
@@ -162,7 +182,7 @@ pub struct SimulateRequest {
 /// A motion at some times.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-#[cfg_attr(feature = "schema", schema(example = json!({"times": [0.0, 0.001], "energies": [0.5, 0.49], "displacements": [[0.0, 0.0, 0.0], [0.0, 0.0, -0.001]], "positions": null, "velocities": null, "state": {"positions": [0.1], "velocities": [-2.0]}, "left_out": 0.0})))]
+#[cfg_attr(feature = "schema", schema(example = json!({"times": [0.0, 0.001], "energies": [0.5, 0.49], "displacements": [[0.0, 0.0, 0.0], [0.0, 0.0, -0.001]], "positions": null, "velocities": null, "state": {"positions": [0.1], "velocities": [-2.0]}, "left_out": 0.0, "held_loads": []})))]
 pub struct SimulateAnswer {
     /// The times.
     pub times: Vec<f64>,
@@ -177,8 +197,11 @@ pub struct SimulateAnswer {
     /// The state at the last of the times: as `initial` of a further request, whose time 0 that is, it lets the motion
     /// go on.
     pub state: Option<ModalState>,
-    /// Which share of initial displacements and velocities, the larger of the two, no mode holds.
+    /// Which share of initial displacements and velocities, the larger of the two, no mode holds. What held vertices
+    /// are given is left out, and counts by its mass.
     pub left_out: f64,
+    /// Impulses and forces that do nothing, as their vertex is held: their places among the loads, from 0.
+    pub held_loads: Vec<usize>,
 }
 
 /// Why nothing can be simulated.
@@ -258,6 +281,17 @@ impl SimulateRequest {
         };
         let states = positions.into_iter().zip(velocities);
         Ok((states.map(|(position, velocity)| ModeState { position, velocity }).collect(), lost))
+    }
+
+    /// The places of loads that do nothing, as their vertex is held, among all.
+    pub fn held_loads(&self, modes: &ModalBasis) -> Vec<usize> {
+        let is_held = |load: &LoadRequest| match load {
+            LoadRequest::Impulse { vertex, .. } | LoadRequest::Force { vertex, .. } => {
+                modes.part.get(*vertex) == Some(&FIXED)
+            }
+            LoadRequest::Body { .. } => false,
+        };
+        (0..self.loads.len()).filter(|&at| is_held(&self.loads[at])).collect()
     }
 
     fn check(&self) -> Result<(), SimulationFault> {
@@ -376,6 +410,7 @@ impl SimulateRequest {
             velocities: state.then_some(velocities),
             state: told.state,
             left_out: told.left_out,
+            held_loads: self.held_loads(modes),
         })
     }
 

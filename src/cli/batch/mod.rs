@@ -26,6 +26,7 @@ use serde_json::{Value, json};
 use self::claims::Claims;
 use self::memory::Promises;
 use self::progress::{Lines, Outcome};
+use super::asked::Asked;
 use super::input::MeshOptions;
 use super::work::{OutputFile, insert_named, prepared};
 use super::{CliError, MeshInput, NumberingArguments, seconds};
@@ -99,7 +100,7 @@ fn kind(text: &str) -> Result<String, String> {
 /// What is computed of each mesh.
 enum Computed {
     Operators { pairs: usize },
-    Job(Box<JobParameters>),
+    Job(Box<Asked>),
 }
 
 impl BatchArguments {
@@ -120,7 +121,7 @@ impl BatchArguments {
             }
             (Computed::Operators { pairs }, json!({"count": pairs}))
         } else {
-            let job = JobParameters::parse(&self.kind, &Value::Object(given))?.undivided()?;
+            let job = Asked::parse(&self.kind, &Value::Object(given))?;
             let parameters = job.canonical();
             (Computed::Job(Box::new(job)), parameters)
         };
@@ -258,7 +259,7 @@ fn message(error: &CliError, mesh: &Path) -> String {
 }
 
 /// Runs a job on a mesh, unless its result is there, whole, and no older than the mesh and the settings.
-fn one(arguments: &BatchArguments, mesh: &Path, job: &JobParameters, promises: &Promises) -> Result<Outcome, CliError> {
+fn one(arguments: &BatchArguments, mesh: &Path, job: &Asked, promises: &Promises) -> Result<Outcome, CliError> {
     let path = arguments.output.join(result_name(mesh));
     if !arguments.anew && arguments.is_current(&path) && is_newer(&path, mesh) && is_whole(&path, job, promises)? {
         return Ok(Outcome::There(path));

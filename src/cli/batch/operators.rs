@@ -71,7 +71,7 @@ pub fn one(arguments: &BatchArguments, mesh: &Path, pairs: usize, shared: &Share
     let count = pairs.min(surface.positions.len());
     let job = json!({"method": "hsim", "count": count, "tolerance": TOLERANCE, "precision": "f64"});
     let job = JobParameters::parse("eigenbasis", &job)?;
-    let (job, size, numbering) = prepared(&body, &job, &NumberingArguments::default())?;
+    let (job, size, numbering) = prepared(&body, &job.into(), &NumberingArguments::default())?;
     let _promise = shared.promises.take(job.memory_bytes(size))?;
     let problem =
         assemble(surface, &OperatorParameters::default(), &Unwatched).map_err(|error| refused(&error))?.problem;

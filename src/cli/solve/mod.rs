@@ -12,6 +12,7 @@ use serde_json::{Value, json};
 
 use self::report::Run;
 use super::CliError;
+use super::asked::{Asked, numbers_of};
 use super::output::OutputFormat;
 use super::work::{WorkArguments, given};
 
@@ -47,7 +48,8 @@ pub struct SolveArguments {
 
     /// Operator: auto, laplace, polygon, robust; hodge, for tangential fields (hsim); volume, on the tetrahedra of a
     /// solid; graph, from the edges alone; extrinsic:T with T from 0 to 1; hamiltonian:T with the potential T (κ1² +
-    /// κ2²), or hamiltonian:@FILE with one number for each vertex
+    /// κ2²), or hamiltonian:@FILE with one number for each vertex, as text or as an NPY array of floats; nan where a
+    /// vertex was dropped
     #[arg(long, value_name = "OPERATOR", help_heading = "Problem")]
     operator: Option<String>,
 
@@ -142,7 +144,7 @@ impl SolveArguments {
     }
 
     /// The arguments as parameters of the job `eigenbasis`; what was not given is left to the job's own defaults.
-    fn job(&self) -> Result<JobParameters, CliError> {
+    fn job(&self) -> Result<Asked, CliError> {
         let given = given([
             // Its usual value may be given by name as well.
             // Parts belong to one method.
@@ -169,7 +171,7 @@ impl SolveArguments {
         let job = self.work.job("eigenbasis", given)?;
         if let Some(path) = &self.work.output
             && matches!(OutputFormat::of(path, job.kind())?, OutputFormat::Csv | OutputFormat::Vtp | OutputFormat::Ply)
-            && matches!(&job, JobParameters::Eigenbasis(work) if work.is_hodge())
+            && matches!(&*job, JobParameters::Eigenbasis(work) if work.is_hodge())
         {
             let reason = format!(
                 "--output {}: eigenfields have numbers for each face, and are written as .npz or .mat",
@@ -192,12 +194,7 @@ pub(super) fn operator(text: &str) -> Result<Value, CliError> {
         Some(("hamiltonian", source)) => {
             let potential = match source.strip_prefix('@') {
                 None => json!({"curvature": {"t": number(source)?}}),
-                Some(path) => {
-                    let text = std::fs::read_to_string(path)
-                        .map_err(|error| CliError::file("read", Path::new(path), error))?;
-                    let values = text.split_whitespace().map(number).collect::<Result<Vec<f64>, CliError>>()?;
-                    json!({"values": values})
-                }
+                Some(path) => json!({"values": numbers_of(Path::new(path))?}),
             };
             json!({"hamiltonian": {"potential": potential}})
         }
@@ -231,7 +228,11 @@ mod tests {
     }
 
     fn job(arguments: &[&str]) -> Result<JobParameters, CliError> {
-        Harness::try_parse_from([&["solve", "a.ply"], arguments].concat()).unwrap().arguments.job()
+        Harness::try_parse_from([&["solve", "a.ply"], arguments].concat())
+            .unwrap()
+            .arguments
+            .job()
+            .map(|asked| (*asked).clone())
     }
 
     #[test]

@@ -8,9 +8,10 @@ use std::time::Instant;
 
 use chladni_spectral::basis::Part;
 use chladni_spectral::formats::npz;
-use chladni_work::{JobParameters, MadePart, SOLVER_VERSION};
+use chladni_work::{MadePart, SOLVER_VERSION};
 use serde_json::{Map, json};
 
+use crate::cli::asked::Asked;
 use crate::cli::work::{OutputFile, Prepared, WorkArguments, peak_rss_bytes};
 use crate::cli::{CliError, StageBars, grouped};
 
@@ -34,7 +35,7 @@ pub fn which(text: &str) -> Result<WhichPart, String> {
 }
 
 /// Solves a part and writes it.
-pub fn solve(job: &JobParameters, which: WhichPart, work: &WorkArguments) -> Result<ExitCode, CliError> {
+pub fn solve(job: &Asked, which: WhichPart, work: &WorkArguments) -> Result<ExitCode, CliError> {
     let WhichPart { number, parts } = which;
     let path = work.output.as_deref().filter(|path| path.extension().is_some_and(|ending| ending == "npz"));
     let path =

@@ -27,6 +27,7 @@ use super::stored_wire::{FieldResource, FieldSummary, SavedDesign};
 use crate::http::binary::Dtype;
 use crate::http::body;
 use crate::http::client::ClientState;
+use crate::http::conditional;
 use crate::http::docs::Binary;
 use crate::http::exchange::{self, Answer, JSON, OCTETS, Sent};
 use crate::http::extract::{self, QueryOf};
@@ -332,14 +333,23 @@ async fn show(state: ClientState, FieldId(id): FieldId, headers: HeaderMap) -> R
     Ok(named::shown(&headers, tag, FieldResource::from(record)))
 }
 
-problems!(RenameFieldProblems: BODY JSON WRITE [INVALID_QUERY, UNKNOWN_FIELD]);
+/// That a field is in the state that `If-Match` names.
+async fn require(state: &ClientState, id: &str, headers: &HeaderMap) -> Result<(), Problem> {
+    if !conditional::has_condition(headers) {
+        return Ok(());
+    }
+    let record = state.store.field(id).await?;
+    conditional::require(headers, &named::tag(&record.id, record.name.as_deref())?)
+}
+
+problems!(RenameFieldProblems: BODY JSON WRITE CONDITION [INVALID_QUERY, UNKNOWN_FIELD]);
 
 /// Renames a stored field
 ///
 /// The name is for people; the id stays.
 #[utoipa::path(
     patch, path = "/v1/fields/{id}", tag = "fields", operation_id = "renameField",
-    params(FieldId),
+    params(FieldId, ("If-Match" = Option<String>, Header, description = "Only where this is the `ETag` of the present state", example = "W/\"0f6d2c4ab1e84cf2\"")),
     request_body(content = RenameRequest),
     responses(
         (status = 200, description = "The field under its new name", body = FieldResource),
@@ -354,26 +364,28 @@ async fn rename(
     body: Body,
 ) -> Result<Json<FieldResource>, Problem> {
     let name = named::new_name(&state, &headers, body).await?;
+    require(&state, &id, &headers).await?;
     let record = state.store.rename_field(&id, name.as_deref()).await?;
     tracing::info!(field = record.id, "field renamed");
     Ok(Json(FieldResource::from(record)))
 }
 
-problems!(DeleteFieldProblems: WRITE [INVALID_QUERY, UNKNOWN_FIELD]);
+problems!(DeleteFieldProblems: WRITE CONDITION [INVALID_QUERY, UNKNOWN_FIELD]);
 
 /// Deletes a stored field
 ///
 /// Requests that name it are refused from then on.
 #[utoipa::path(
     delete, path = "/v1/fields/{id}", tag = "fields", operation_id = "deleteField",
-    params(FieldId),
+    params(FieldId, ("If-Match" = Option<String>, Header, description = "Only where this is the `ETag` of the present state", example = "W/\"0f6d2c4ab1e84cf2\"")),
     responses(
         (status = 204, description = "The field is gone"),
         DeleteFieldProblems,
     ),
     security(("bearer" = ["operate"]))
 )]
-async fn delete(state: ClientState, FieldId(id): FieldId) -> Result<StatusCode, Problem> {
+async fn delete(state: ClientState, FieldId(id): FieldId, headers: HeaderMap) -> Result<StatusCode, Problem> {
+    require(&state, &id, &headers).await?;
     state.store.delete_field(&id).await?;
     tracing::info!(field = id, "field deleted");
     Ok(StatusCode::NO_CONTENT)

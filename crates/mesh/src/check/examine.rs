@@ -54,12 +54,12 @@ pub(super) fn examine(raw: RawMesh, options: &CheckOptions) -> Examined {
         Merge::Never => false,
     });
     at.drop_repeating_faces();
-    let (topology, non_manifold_as_given) = at.drop_duplicate_faces();
+    let topology = at.drop_duplicate_faces();
     let orientable = at.orient(&topology);
     let unreferenced = at.drop_unreferenced_vertices(&topology, &merged);
     at.measure(&mut report, &topology, orientable);
     at.refuse_without_area(&report, raw.tetrahedra.len(), options.smallest_extent);
-    at.tell_defects(topology, non_manifold_as_given, unreferenced);
+    at.tell_defects(topology, unreferenced);
     report.defects = std::mem::take(&mut at.found.defects);
     report.repairs = std::mem::take(&mut at.found.repairs);
     let attributes = with_corners.map(|(own, given_faces)| {
@@ -128,21 +128,20 @@ impl Examination {
         self.faces.drop_faces(&repeating);
     }
 
-    /// Gives the topology of what is left, and, where faces were dropped, the edges that were not manifold before.
-    fn drop_duplicate_faces(&mut self) -> (Topology, Option<Option<Defect>>) {
+    /// Gives the topology of what is left: edges that are manifold without the copies of faces are no defects.
+    fn drop_duplicate_faces(&mut self) -> Topology {
         let table = EdgeTable::new(self.given[0], &self.faces.corners);
         let duplicates = table.duplicate_faces(&self.faces.corners);
         if duplicates.is_empty() {
-            return (Topology::new(&table, &self.faces.corners), None);
+            return Topology::new(&table, &self.faces.corners);
         }
         let origin = |f| self.faces.origin(f);
         self.found.defects.extend(tally(&duplicates).into_defect(DefectKind::DuplicateFace, origin));
         self.found.repair(RepairKind::DroppedDuplicateFaces, duplicates.len());
-        let as_given = table.non_manifold_edges().into_defect(DefectKind::NonManifoldEdge, origin);
         drop(table);
         self.faces.drop_faces(&duplicates);
         let table = EdgeTable::new(self.given[0], &self.faces.corners);
-        (Topology::new(&table, &self.faces.corners), Some(as_given))
+        Topology::new(&table, &self.faces.corners)
     }
 
     /// Turns faces over so that neighbours agree, and says whether all do.
@@ -218,11 +217,10 @@ impl Examination {
     }
 
     /// The defects that nothing mends, those found before among them, in the order of their kinds.
-    fn tell_defects(&mut self, topology: Topology, as_given: Option<Option<Defect>>, unreferenced: Tally) {
+    fn tell_defects(&mut self, topology: Topology, unreferenced: Tally) {
         let Self { faces, found, .. } = self;
         let edges = topology.non_manifold_edges;
-        let edges = as_given.unwrap_or_else(|| edges.into_defect(DefectKind::NonManifoldEdge, |f| faces.origin(f)));
-        found.defects.extend(edges);
+        found.defects.extend(edges.into_defect(DefectKind::NonManifoldEdge, |f| faces.origin(f)));
         for (kind, tally) in [
             (DefectKind::NonManifoldVertex, topology.non_manifold_vertices),
             (DefectKind::InconsistentOrientation, topology.inconsistent_edges),

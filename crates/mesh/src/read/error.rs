@@ -40,7 +40,7 @@ pub enum ReadError {
         /// What is wrong with it.
         reason: &'static str,
     },
-    /// A kind of the format that is not read, such as binary OFF.
+    /// A kind of the format that is not read, such as an extension that glTF requires.
     #[error("{format} files with encoding `{encoding}` are not supported")]
     UnsupportedEncoding {
         /// The format that was asked for.

@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | Wavefront OBJ | `obj` | `v` lines are the identity of vertices; texture coordinates, normals and names are kept; materials are never opened |
 //! | Stanford PLY | `ply` | ASCII and both byte orders, polygons, triangle strips, extra elements |
-//! | Geomview OFF | `off` | ASCII, with the `ST`, `C`, `N`, `4` and `n` prefixes |
+//! | Geomview OFF | `off`, `off_binary` | ASCII and binary, with the `ST`, `C`, `N`, `4` and `n` prefixes |
 //! | STL | `stl` | ASCII and binary; positions are repeated by design |
 //! | MEDIT `.mesh`, `.meshb` | `medit`, `medit_binary` | ASCII and binary; triangles, quadrilaterals, tetrahedra |
 //! | VTK legacy | `vtk` | ASCII and binary; polygonal data and unstructured grids |
@@ -13,7 +13,7 @@
 //! | FreeSurfer | `freesurfer` | triangle surfaces |
 //! | glTF 2.0 | `gltf` | GLB, or JSON with its buffers inside; all nodes |
 //! | GIFTI | `gifti` | surfaces in all encodings but other files |
-//! | arrays | `arrays` | `vertices`, `faces`, `tetrahedra` as NPZ without compression or as JSON |
+//! | arrays | `arrays` | `vertices`, `faces`, `tetrahedra` as NPZ, deflated or not, or as JSON |
 //!
 //! Every reader takes a byte slice, is linear in its length, allocates in proportion to the bytes that are really there
 //! (never to a count that a header claims), and answers with a [`RawMesh`] or a [`ReadError`] that names the offender.
@@ -32,6 +32,7 @@ mod medit_binary;
 mod obj;
 mod obj_attributes;
 mod off;
+mod off_binary;
 mod ply;
 mod polygon;
 mod stl;
@@ -112,7 +113,7 @@ pub enum MeshFormat {
     Gltf,
     /// A GIFTI surface.
     Gifti,
-    /// Arrays `vertices`, `faces` and `tetrahedra` in an NPZ file, as `numpy.savez` writes them.
+    /// Arrays `vertices`, `faces` and `tetrahedra` in an NPZ file, as `numpy.savez` and `numpy.savez_compressed` write them.
     Npz,
     /// The same as a JSON object.
     Json,
@@ -258,7 +259,9 @@ impl MeshFormat {
             b"solid" => Some(MeshFormat::Stl),
             b"$MeshFormat" => Some(MeshFormat::Gmsh),
             b"MeshVersionFormatted" => Some(MeshFormat::Medit),
-            b"v" | b"vt" | b"vn" | b"vp" | b"f" | b"o" | b"g" | b"s" | b"mtllib" | b"usemtl" => Some(MeshFormat::Obj),
+            b"v" | b"vt" | b"vn" | b"vp" | b"f" | b"fo" | b"o" | b"g" | b"s" | b"mtllib" | b"usemtl" => {
+                Some(MeshFormat::Obj)
+            }
             word if off::Variant::from_keyword(word).is_some() => Some(MeshFormat::Off),
             _ => None,
         }

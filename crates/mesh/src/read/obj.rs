@@ -1,4 +1,4 @@
-//! Wavefront OBJ: the `v` and `f` lines, and what is kept beside them ([`Found`]). Everything else (smoothing, curves)
+//! Wavefront OBJ: the `v` and `f` (or `fo`) lines, and what is kept beside them ([`Found`]). Everything else (smoothing, curves)
 //! is passed over; no other file is ever opened. `docs/decisions/0002-obj-reader.md` says why this is not tobj.
 
 use super::builder::Builder;
@@ -28,7 +28,8 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
                 }
                 builder.vertex(position)?;
             }
-            b"f" => face(&mut text, &mut builder, &mut found)?,
+            // `fo` is what early writers called a face.
+            b"f" | b"fo" => face(&mut text, &mut builder, &mut found)?,
             b"g" | b"o" => {
                 groups += 1;
                 if groups > limits.groups {
@@ -101,6 +102,14 @@ mod tests {
         let mesh = read("f 1 2 \\\n 3 4\nf 1 2\nf\nf 3\nl 1 2\np 1\nv 0 0 0\r\nv 1 0 0\nv 1 1 0\nv 0 1 0").unwrap();
         assert_eq!(mesh.faces, [[0, 1, 2], [0, 2, 3]]);
         assert_eq!((mesh.polygons_triangulated, mesh.short_faces_dropped), (1, 3));
+    }
+
+    #[test]
+    fn faces_of_early_writers_are_faces() {
+        let text = |word: &str| format!("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n{word} 1/1/1 2/2/1 3/3/1\n{word} 1 3 4\n");
+        assert_eq!(read(&text("fo")), read(&text("f")));
+        assert_eq!(read(&text("fo")).unwrap().faces, [[0, 1, 2], [0, 2, 3]]);
+        assert_eq!(MeshFormat::sniff(b"fo 1 2 3\nv 0 0 0\n"), Some(MeshFormat::Obj));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Geomview OFF, ASCII.
+//! Geomview OFF: ASCII here, binary files in [`off_binary`](super::off_binary).
 
 use super::builder::{Builder, zero_based_index};
 use super::error::{ReadError, shorten};
@@ -6,30 +6,37 @@ use super::text::Text;
 use super::{MeshFormat, RawMesh, ReadLimits};
 
 /// What the keyword `[ST][C][N][4][n]OFF` says about a vertex line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Variant {
+    texture: bool,
+    colours: bool,
+    normals: bool,
     /// A fourth, homogeneous coordinate follows the three.
-    homogeneous: bool,
+    pub homogeneous: bool,
     /// The dimension is written before the counts.
-    dimension: bool,
+    pub dimension: bool,
 }
 
 impl Variant {
-    /// Reads the keyword, if it is one. Texture coordinates, colours and normals follow the position, so they need no
-    /// flag.
+    /// Reads the keyword, if it is one.
     pub fn from_keyword(word: &[u8]) -> Option<Self> {
-        let rest = word.strip_prefix(b"ST").unwrap_or(word);
-        let rest = rest.strip_prefix(b"C").unwrap_or(rest);
-        let rest = rest.strip_prefix(b"N").unwrap_or(rest);
-        let (homogeneous, rest) = match rest.strip_prefix(b"4") {
-            Some(rest) => (true, rest),
-            None => (false, rest),
+        let mut rest = word;
+        let mut begins = |prefix: &[u8]| match rest.strip_prefix(prefix) {
+            Some(after) => {
+                rest = after;
+                true
+            }
+            None => false,
         };
-        let (dimension, rest) = match rest.strip_prefix(b"n") {
-            Some(rest) => (true, rest),
-            None => (false, rest),
-        };
-        (rest == b"OFF").then_some(Self { homogeneous, dimension })
+        let [texture, colours, normals] = [begins(b"ST"), begins(b"C"), begins(b"N")];
+        let [homogeneous, dimension] = [begins(b"4"), begins(b"n")];
+        (rest == b"OFF").then_some(Self { texture, colours, normals, homogeneous, dimension })
+    }
+
+    /// Numbers of a vertex in a binary file: its position, and what follows it.
+    pub fn vertex_numbers(self) -> usize {
+        let part = |there: bool, numbers: usize| if there { numbers } else { 0 };
+        3 + part(self.homogeneous, 1) + part(self.normals, 3) + part(self.colours, 4) + part(self.texture, 2)
     }
 }
 
@@ -42,7 +49,7 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
     if !text.any() {
         return Err(header(&text, "the keyword OFF is missing"));
     }
-    let mut variant = Variant { homogeneous: false, dimension: false };
+    let mut variant = Variant::default();
     if !text.at_number() {
         let word = text.token();
         variant = Variant::from_keyword(word).ok_or_else(|| header(&text, "the keyword OFF is missing"))?;
@@ -50,7 +57,13 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
             return Err(header(&text, "the counts are missing"));
         }
         if !text.at_number() {
-            return Err(ReadError::UnsupportedEncoding { format: MeshFormat::Off, encoding: shorten(text.token()) });
+            return match text.token() {
+                b"BINARY" => {
+                    text.skip_line();
+                    super::off_binary::read(bytes, bytes.len() - text.remaining(), variant, limits)
+                }
+                word => Err(ReadError::UnsupportedEncoding { format: MeshFormat::Off, encoding: shorten(word) }),
+            };
         }
     }
     if variant.dimension {
@@ -134,7 +147,8 @@ mod tests {
         let cases = [
             ("PLY\n", "invalid-header"),
             ("OFF", "invalid-header"),
-            ("OFF BINARY\n\0\0\0\x03", "unsupported-encoding"),
+            ("OFF PACKED\n\0\0\0\x03", "unsupported-encoding"),
+            ("OFF BINARY\n\0\0\0\x03", "invalid-header"),
             ("nOFF\n4\n1 0 0\n", "invalid-header"),
             ("OFF\n3\n", "missing-value"),
             ("OFF\n-3 1 0\n0 0 0\n", "invalid-count"),

@@ -381,7 +381,7 @@ pub fn check_times(times: &[f64]) -> Result<(), SimulationError> {
 }
 
 /// Vectors for each vertex in coordinates of the modes, `Φᵀ M u`, and which share of their size, in the norm of the
-/// mass, no mode holds.
+/// mass, no mode holds: 1 where that is all of it, as at vertices that are held.
 ///
 /// # Errors
 /// [`SimulationError::Initial`] unless there is a finite vector for each vertex.
@@ -401,7 +401,11 @@ pub fn in_modes(basis: &ModalBasis, vectors: &[[f64; 3]]) -> Result<(Vec<f64>, f
     let modal = basis.transposed_times(&weighted)?;
     let dots = weighted.iter().zip(vectors).map(|(a, b)| (0..3).map(|k| a[k] * b[k]).sum::<f64>());
     let (whole, held) = (dots.sum::<f64>(), modal.iter().map(|q| q * q).sum::<f64>());
-    let lost = if whole > 0.0 { (1.0 - held / whole).max(0.0).sqrt() } else { 0.0 };
+    let lost = match whole > 0.0 {
+        true => (1.0 - held / whole).max(0.0).sqrt(),
+        // Whatever is where there is no mass is left out as well.
+        false => f64::from(u8::from(vectors.as_flattened().iter().any(|&x| x != 0.0))),
+    };
     Ok((modal, lost))
 }
 

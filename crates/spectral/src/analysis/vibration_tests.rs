@@ -261,6 +261,8 @@ fn initial_vectors_are_projected_and_what_no_mode_holds_is_told() {
     // What alternates from vertex to vertex is in none of the lowest modes.
     let rough: Vec<[f64; 3]> = (0..vectors.len()).map(|v| [if v % 2 == 0 { 1.0 } else { -1.0 }, 0.0, 0.0]).collect();
     assert!(in_modes(&basis, &rough).unwrap().1 > 0.9);
+    let still = vec![[0.0; 3]; vectors.len()];
+    assert_eq!(in_modes(&basis, &still).unwrap().1, 0.0);
     let told = |vectors: &[[f64; 3]]| in_modes(&basis, vectors).unwrap_err().to_string();
     let n = rough.len();
     assert_eq!(told(&rough[1..]), format!("initial: {} vectors are given; the object has {n} vertices", n - 1));
@@ -273,5 +275,53 @@ fn initial_vectors_are_projected_and_what_no_mode_holds_is_told() {
     for (from, to) in [(1.0, 1.0), (f64::INFINITY, f64::INFINITY), (f64::NAN, 1.0), (0.0, f64::NAN)] {
         let load = Load::Body { from, to, acceleration: [0.0; 3] };
         assert!(matches!(Motion::new(&basis, Damping::default(), &[load]), Err(SimulationError::Load { load: 0, .. })));
+    }
+}
+
+/// Against the definition: `u` less its part in the modes, in the norm of all masses.
+#[test]
+fn what_held_vertices_are_given_is_left_out_and_counts_by_its_mass() {
+    let mesh = generate(Shape::Sphere, 200).unwrap();
+    let material = Material { young: 1e9, poisson: 0.3, density: 1000.0 };
+    let n = mesh.positions.len();
+    let held = [0usize, 7, 20];
+    let method = VibrationMethod::Approximate {
+        dimension: 60,
+        local_coordinates: true,
+        inverse_iterations: Iterations::Exactly(0),
+    };
+    for method in [HSIM, method] {
+        let clamped = held.map(|v| v as u32).to_vec().into();
+        let parameters = VibrationParameters { count: 20, material, clamped, method, seed: 0 };
+        let body = ElasticBody::Shell { mesh: &mesh, thickness: 0.1 };
+        let basis = vibration_modes(body, &parameters, &Unwatched).unwrap();
+        let areas = mesh.faces.iter().map(|face| {
+            let [a, b, c] = face.map(|v| mesh.positions[v as usize]);
+            let (u, v): ([f64; 3], [f64; 3]) =
+                (std::array::from_fn(|k| b[k] - a[k]), std::array::from_fn(|k| c[k] - a[k]));
+            let cross = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+            0.5 * cross.iter().map(|x| x * x).sum::<f64>().sqrt()
+        });
+        let mut masses = vec![0.0; n];
+        for (face, area) in mesh.faces.iter().zip(areas) {
+            face.iter().for_each(|&v| masses[v as usize] += 1000.0 * 0.1 * area / 3.0);
+        }
+        for (own, expected) in basis.masses.iter().zip(&masses) {
+            assert!((own / expected - 1.0).abs() < 1e-9, "{own} {expected}");
+        }
+        let mut alone = vec![[0.0; 3]; n];
+        alone[7] = [0.0, 0.0, 1.0];
+        assert_eq!(in_modes(&basis, &alone).unwrap(), (vec![0.0; 20], 1.0));
+        let whole = vec![[0.0, 0.0, 1.0]; n];
+        let (modal, lost) = in_modes(&basis, &whole).unwrap();
+        let mut lifted = vec![0f32; 3 * n];
+        basis.lifter().lift(&modal, &mut lifted);
+        let rest: f64 = (0..3 * n).map(|i| masses[i / 3] * (whole[i / 3][i % 3] - f64::from(lifted[i])).powi(2)).sum();
+        let expected = (rest / masses.iter().sum::<f64>()).sqrt();
+        assert!((lost / expected - 1.0).abs() < 1e-3, "{lost} {expected}");
+        // A basis that was stored without the masses of held vertices.
+        let mut old = basis.clone();
+        held.iter().for_each(|&v| old.masses[v] = 0.0);
+        assert_eq!(in_modes(&old, &alone).unwrap().1, 1.0);
     }
 }

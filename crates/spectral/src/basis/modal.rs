@@ -15,7 +15,7 @@ pub struct ModalBasis {
     pub eigenvalues: Vec<f64>,
     /// How many of the first modes are rigid motions, known exactly.
     pub rigid: usize,
-    /// The mass of each of the `n` vertices.
+    /// The mass of each of the `n` vertices, held ones among them; some stored bases have 0 for these.
     pub masses: Vec<f64>,
     /// The connected part that each vertex belongs to, [`FIXED`] where it never moves.
     pub part: Vec<u32>,

@@ -3,7 +3,7 @@
 use std::io::Write;
 
 use chladni_mesh::TriangleMesh;
-use chladni_mesh::numbering::Translation;
+use chladni_mesh::numbering::{Numbering, Translation};
 
 use super::npz::FormatError;
 use crate::basis::Basis;
@@ -18,13 +18,42 @@ fn fits(basis: &Basis, mesh: &TriangleMesh) -> Result<(), FormatError> {
     Err(FormatError::Member { member: "functions".to_owned(), reason })
 }
 
+/// The kept vertices in the order in which they are written, and of each the vertex of the file, −1 where subdivision
+/// made it. Vertices of faces are written as they are kept; points without faces, which are kept along a curve through
+/// space, as the translation numbers them.
+fn ordered(mesh: &TriangleMesh, numbering: &Numbering, to: &Translation) -> (Vec<u32>, Vec<i32>) {
+    let file: Vec<i32> = numbering.file_vertex_map().map(|vertex| vertex.map_or(-1, |vertex| vertex as i32)).collect();
+    let mut order: Vec<u32> = (0..mesh.positions.len() as u32).collect();
+    if mesh.faces.is_empty() && !to.is_identity() {
+        order.sort_by_key(|&vertex| to.file_vertex(vertex));
+    }
+    let of_file = order.iter().map(|&vertex| file.get(vertex as usize).copied().unwrap_or(-1)).collect();
+    (order, of_file)
+}
+
+/// For each face that of the file.
+fn file_faces(mesh: &TriangleMesh, numbering: &Numbering) -> Vec<i32> {
+    (0..mesh.faces.len() as u32).map(|face| numbering.file_face(face) as i32).collect()
+}
+
 /// Writes the surface, of a solid too, as VTK PolyData: points in double precision, one array `mode_k` in single
 /// precision for each eigenfunction, and the field `eigenvalues`. Columns are lifted one by one.
 ///
+/// Vertices are the kept ones, in their order, and the array `file_vertex` has their numbers in the file (−1 where
+/// subdivision made one), `file_face` of the cells those of faces. Points without faces are in the order that `to`
+/// numbers them in.
+///
 /// # Errors
 /// [`FormatError::Member`] where the functions are not on the vertices, else as [`npz::write`](super::npz::write()).
-pub fn write_vtp<W: Write>(basis: &Basis, mesh: &TriangleMesh, mut out: W) -> Result<(), FormatError> {
+pub fn write_vtp<W: Write>(
+    basis: &Basis,
+    mesh: &TriangleMesh,
+    numbering: &Numbering,
+    to: &Translation,
+    mut out: W,
+) -> Result<(), FormatError> {
     fits(basis, mesh)?;
+    let (order, of_file) = ordered(mesh, numbering, to);
     let (n, f, m) = (mesh.positions.len(), mesh.faces.len(), basis.count());
     let mut offset = 0u64;
     let mut array = |kind: &str, name: &str, more: &str, bytes: usize| {
@@ -43,7 +72,10 @@ pub fn write_vtp<W: Write>(basis: &Basis, mesh: &TriangleMesh, mut out: W) -> Re
     for mode in 0..m {
         text += &array("Float32", &format!("mode_{mode}"), "", 4 * n);
     }
-    text += "</PointData>\n<Points>\n";
+    text += &array("Int32", "file_vertex", "", 4 * n);
+    text += "</PointData>\n<CellData>\n";
+    text += &array("Int32", "file_face", "", 4 * f);
+    text += "</CellData>\n<Points>\n";
     text += &array("Float64", "Points", "NumberOfComponents=\"3\" ", 24 * n);
     text += "</Points>\n<Polys>\n";
     text += &array("UInt32", "connectivity", "", 12 * f);
@@ -56,9 +88,14 @@ pub fn write_vtp<W: Write>(basis: &Basis, mesh: &TriangleMesh, mut out: W) -> Re
     };
     piece(bytemuck::cast_slice(&basis.eigenvalues))?;
     for mode in 0..m {
-        piece(bytemuck::cast_slice(&basis.lift::<f32>(mode..mode + 1)?[..n]))?;
+        let values = basis.lift::<f32>(mode..mode + 1)?;
+        let written: Vec<f32> = order.iter().map(|&vertex| values[vertex as usize]).collect();
+        piece(bytemuck::cast_slice(&written))?;
     }
-    piece(bytemuck::cast_slice(mesh.positions.as_flattened()))?;
+    piece(bytemuck::cast_slice(&of_file))?;
+    piece(bytemuck::cast_slice(&file_faces(mesh, numbering)))?;
+    let positions: Vec<[f64; 3]> = order.iter().map(|&vertex| mesh.positions[vertex as usize]).collect();
+    piece(bytemuck::cast_slice(positions.as_flattened()))?;
     piece(bytemuck::cast_slice(mesh.faces.as_flattened()))?;
     let ends: Vec<i64> = (1..=f as i64).map(|face| 3 * face).collect();
     piece(bytemuck::cast_slice(&ends))?;
@@ -67,12 +104,20 @@ pub fn write_vtp<W: Write>(basis: &Basis, mesh: &TriangleMesh, mut out: W) -> Re
 }
 
 /// Writes the surface as little-endian PLY, with a property `mode_k` in single precision for each eigenfunction, and
-/// the eigenvalues as comments. All functions are in memory at once, in single precision.
+/// the eigenvalues as comments. Vertices and faces have the properties `file_vertex` and `file_face`, and their order,
+/// as of [`write_vtp`]. All functions are in memory at once, in single precision.
 ///
 /// # Errors
 /// As [`write_vtp`].
-pub fn write_ply<W: Write>(basis: &Basis, mesh: &TriangleMesh, mut out: W) -> Result<(), FormatError> {
+pub fn write_ply<W: Write>(
+    basis: &Basis,
+    mesh: &TriangleMesh,
+    numbering: &Numbering,
+    to: &Translation,
+    mut out: W,
+) -> Result<(), FormatError> {
     fits(basis, mesh)?;
+    let (order, of_file) = ordered(mesh, numbering, to);
     let (n, rows, m) = (mesh.positions.len(), basis.vertices(), basis.count());
     writeln!(out, "ply\nformat binary_little_endian 1.0")?;
     for (mode, value) in basis.eigenvalues.iter().enumerate() {
@@ -82,17 +127,21 @@ pub fn write_ply<W: Write>(basis: &Basis, mesh: &TriangleMesh, mut out: W) -> Re
     for mode in 0..m {
         writeln!(out, "property float mode_{mode}")?;
     }
-    writeln!(out, "element face {}\nproperty list uchar int vertex_indices\nend_header", mesh.faces.len())?;
+    writeln!(out, "property int file_vertex\nelement face {}", mesh.faces.len())?;
+    writeln!(out, "property list uchar int vertex_indices\nproperty int file_face\nend_header")?;
     let functions: Vec<f32> = basis.lift(0..m)?;
-    for (vertex, position) in mesh.positions.iter().enumerate() {
-        out.write_all(bytemuck::cast_slice(position))?;
+    for (&vertex, of_file) in order.iter().zip(of_file) {
+        let vertex = vertex as usize;
+        out.write_all(bytemuck::cast_slice(&mesh.positions[vertex]))?;
         for mode in 0..m {
             out.write_all(&functions[mode * rows + vertex].to_le_bytes())?;
         }
+        out.write_all(&of_file.to_le_bytes())?;
     }
-    for face in &mesh.faces {
+    for (face, of_file) in mesh.faces.iter().zip(file_faces(mesh, numbering)) {
         out.write_all(&[3])?;
         out.write_all(bytemuck::cast_slice(face))?;
+        out.write_all(&of_file.to_le_bytes())?;
     }
     Ok(out.flush()?)
 }

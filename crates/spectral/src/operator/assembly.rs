@@ -51,9 +51,10 @@ pub(super) fn assemble_on(
     let (laplacian, reason) = match triangles {
         Triangles::Surface => {
             // What is measured is what the operator would be made of.
-            let (of, faces) = refined.as_ref().map_or((&measured, mesh.faces.len()), |r| (&r.measured, r.faces()));
-            let faces = Quality { faces, thin: of.thin_faces, needles: of.needles };
-            choose(&parameters.operator, faces, refined.is_some(), &topology)
+            let of_triangles =
+                || Quality { faces: mesh.faces.len(), thin: measured.thin_faces, needles: measured.needles };
+            let quality = refined.as_ref().map_or_else(of_triangles, Refined::quality);
+            choose(&parameters.operator, quality, refined.is_some(), &topology)
         }
         Triangles::Local => choose_local(&parameters.operator, mesh, &measured),
     };
@@ -164,7 +165,7 @@ impl Ground<'_> {
                 let (problem, massless) = refined.problem(parameters.mass);
                 report.massless_vertices = massless;
                 report.polygons = refined.polygons();
-                report.thin_faces = refined.measured.thin_faces;
+                report.thin_faces = refined.quality().thin;
                 report.zero_area_faces = refined.measured.zero_area_faces;
                 Ok((problem, ActsOn::Polygons(refined)))
             }

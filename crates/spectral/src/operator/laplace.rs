@@ -140,15 +140,20 @@ pub(super) struct Sums {
     pub needles: usize,
 }
 
+/// Whether a face is thin, or has no area at all.
+pub(super) fn is_thin(shape: &TriangleShape) -> bool {
+    let steepest = shape.half_cotangents.iter().fold(0.0f64, |most, c| most.max(c.abs()));
+    shape.area == 0.0 || steepest > 0.5 * THIN
+}
+
 impl Sums {
     fn add(&mut self, shape: &TriangleShape) {
-        let steepest = shape.half_cotangents.iter().fold(0.0f64, |most, c| most.max(c.abs()));
         // The two angles at an edge have cotangents that sum to its length over the height on it.
         let [a, b, c] = shape.half_cotangents;
         let longest = 2.0 * (a + b).max(b + c).max(c + a);
         self.area += shape.area;
         self.zero_area += usize::from(shape.area == 0.0);
-        self.thin += usize::from(shape.area == 0.0 || steepest > 0.5 * THIN);
+        self.thin += usize::from(is_thin(shape));
         self.needles += usize::from(shape.area > 0.0 && longest > NEEDLE);
     }
 

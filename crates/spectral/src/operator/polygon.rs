@@ -19,6 +19,7 @@ use chladni_base::parallel::*;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::polygons::Loops;
 
+use super::assembly::Quality;
 use super::curvature::Surface;
 use super::frames::{cross, dot};
 use super::hamiltonian;
@@ -82,9 +83,25 @@ impl Refined {
         self.polygons.len()
     }
 
-    /// The triangles of the finer mesh.
-    pub fn faces(&self) -> usize {
-        self.mesh.faces.len()
+    /// How many faces there are, and how many of them are bad. A polygon is thin where it is so from its middle to every
+    /// edge: where only some edges point at the middle, as in a concave one, it is as good as others.
+    pub fn quality(&self) -> Quality {
+        let thin = |face: usize| laplace::is_thin(&self.measured.shapes[face]);
+        let mut quality = Quality { faces: 0, thin: 0, needles: self.measured.needles };
+        // The first triangle that was not looked at yet, of the mesh and of the finer one.
+        let (mut next, mut at) = (0, 0);
+        for polygon in 0..self.polygons() {
+            let (range, corners) = (self.polygons.faces(polygon), self.polygons.corners(polygon).len());
+            let fan = at + range.start - next;
+            quality.faces += fan - at + 1;
+            quality.thin += (at..fan).filter(|&face| thin(face)).count();
+            quality.thin += usize::from((fan..fan + corners).all(thin));
+            (next, at) = (range.end, fan + corners);
+        }
+        let rest = at..self.mesh.faces.len();
+        quality.faces += rest.len();
+        quality.thin += rest.filter(|&face| thin(face)).count();
+        quality
     }
 
     /// The problem on the vertices of the mesh, and the number of those without mass.

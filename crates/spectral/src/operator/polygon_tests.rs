@@ -334,6 +334,43 @@ fn auto_keeps_polygons_and_says_so_unless_the_mesh_is_broken() {
     assert_eq!(assemble(&mesh, &dirichlet, &Unwatched).unwrap().problem.size(), 16);
 }
 
+/// A concave polygon has its middle where one of its edges points at, as good a polygon as it is: the triangle between
+/// the two is thin, and the engine's own. A polygon that is thin all around is one.
+#[test]
+fn polygons_are_judged_as_a_whole_and_not_by_the_triangles_to_their_middles() {
+    // An L, whose inner corner is moved until the edge from it points at the middle.
+    let ell = |x: f64| {
+        let outline = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [x, 1.0], [1.0, 2.0], [0.0, 2.0]];
+        let positions = outline.map(|[x, y]| [x, y, 0.0]).to_vec();
+        of_polygons(positions, &[(0..6).collect()])
+    };
+    let area = |x: f64| {
+        let refined = Refined::of(&ell(x)).unwrap().unwrap();
+        let [a, b, c] = [3, 4, 6].map(|v| refined.mesh.positions[v]);
+        (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    };
+    let (mut low, mut high) = (0.2, 1.5);
+    assert!(area(low) * area(high) < 0.0, "{} {}", area(low), area(high));
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if area(low) * area(middle) <= 0.0 { high = middle } else { low = middle }
+    }
+    let made = |mesh: &TriangleMesh| assemble(mesh, &OperatorParameters::default(), &Unwatched).unwrap().report;
+    // As thin as others are told of, and not so thin that it spoils everything.
+    let concave = ell(low + 1e-4);
+    assert!(Refined::of(&concave).unwrap().unwrap().measured.thin_faces > 0);
+    let report = made(&concave);
+    assert_eq!((report.laplacian, report.reason, report.thin_faces), (Laplacian::Polygon, Reason::Polygons, 0));
+    let sliver = |height: f64| {
+        let positions = [[0.0, 0.0], [1.0, 0.0], [1.0, height], [0.0, height], [1.0, 1.0], [0.0, 1.0]];
+        let positions = positions.map(|[x, y]| [x, y, 0.0]).to_vec();
+        made(&of_polygons(positions, &[vec![0, 1, 2, 3], vec![3, 2, 4, 5]]))
+    };
+    let report = sliver(1e-4);
+    assert_eq!((report.laplacian, report.reason), (Laplacian::Robust, Reason::ThinFaces));
+    assert_eq!(sliver(0.1).laplacian, Laplacian::Polygon);
+}
+
 /// Values that are linear on a flat polygon are linear in its middle too: the matrix is the integral of `V φ_i φ_j`
 /// over the finer mesh, summed over points of a rule that is exact for cubic functions.
 #[test]

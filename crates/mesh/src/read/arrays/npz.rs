@@ -1,6 +1,10 @@
-//! `numpy.savez(file, vertices=…, faces=…, tetrahedra=…)`: an archive of arrays without compression.
+//! `numpy.savez(file, vertices=…, faces=…, tetrahedra=…)`, or `numpy.savez_compressed`: an archive of arrays.
 
-use std::io::Cursor;
+use std::borrow::Cow;
+use std::io::{Cursor, Read};
+
+use flate2::Crc;
+use flate2::bufread::DeflateDecoder;
 
 use zip::{CompressionMethod, ZipArchive};
 
@@ -10,12 +14,16 @@ use super::super::{MeshFormat, RawMesh, ReadLimits};
 use super::{finish, wrong};
 use crate::npy::NpyHeader;
 
+/// Compressed arrays unfold to at most so many times the bytes that are there, and to a million more; positions and
+/// indices of eight bytes do to some nine times.
+const UNFOLDED: u64 = 24;
+
 fn refuse(reason: impl Into<String>) -> ReadError {
     wrong(MeshFormat::Npz, reason)
 }
 
 /// Reads arrays: `vertices` n × 3, `faces` f × k with k from 3, `tetrahedra` t × 4; further members are passed over.
-/// Archives that `numpy.savez_compressed` made are refused: what they unfold to is not bounded by their size.
+/// Compressed ones that unfold to far more than real arrays do are refused before they are unfolded.
 pub fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
     let mut archive =
         ZipArchive::new(Cursor::new(bytes)).map_err(|error| refuse(format!("the archive is damaged: {error}")))?;
@@ -56,7 +64,10 @@ struct Array<'a> {
     descriptor: String,
     fortran: bool,
     shape: Vec<usize>,
-    data: &'a [u8],
+    /// The header, and the numbers.
+    bytes: Cow<'a, [u8]>,
+    /// Bytes of the header.
+    header: usize,
     /// Bytes of a number.
     width: usize,
 }
@@ -69,26 +80,58 @@ fn member<'a>(
     let Some(index) = archive.index_for_name(&format!("{name}.npy")) else { return Ok(None) };
     let damaged = |error: zip::result::ZipError| refuse(format!("the array `{name}` is damaged: {error}"));
     let file = archive.by_index_raw(index).map_err(damaged)?;
-    if file.compression() != CompressionMethod::Stored || file.encrypted() {
-        return Err(refuse(format!("the array `{name}` is compressed; numpy.savez writes arrays that are not")));
+    if file.encrypted() {
+        return Err(refuse(format!("the array `{name}` is encrypted")));
     }
+    let (compression, size, sum) = (file.compression(), file.size(), file.crc32());
     let short = || refuse(format!("the array `{name}` is cut short"));
     let start = file.data_start().and_then(|start| usize::try_from(start).ok()).ok_or_else(short)?;
     let length = usize::try_from(file.compressed_size()).map_err(|_| short())?;
     let data = start.checked_add(length).and_then(|end| bytes.get(start..end)).ok_or_else(short)?;
     drop(file);
+    match compression {
+        CompressionMethod::Stored => {}
+        CompressionMethod::DEFLATE => return Array::parse(name, unfolded(name, data, size, sum)?.into()).map(Some),
+        other => {
+            return Err(refuse(format!("the array `{name}` is compressed by {other}; stored and deflated are read")));
+        }
+    }
     // To its end, where its checksum is compared.
     let mut whole = archive.by_index(index).map_err(damaged)?;
     std::io::copy(&mut whole, &mut std::io::sink())
         .map_err(|error| refuse(format!("the array `{name}` is damaged: {error}")))?;
-    Array::parse(name, data).map(Some)
+    Array::parse(name, data.into()).map(Some)
+}
+
+/// The bytes of a deflated array, of which its archive says how many they are, and their checksum.
+fn unfolded(name: &str, folded: &[u8], size: u64, sum: u32) -> Result<Vec<u8>, ReadError> {
+    let most = (folded.len() as u64).saturating_mul(UNFOLDED) + (1 << 20);
+    if size > most {
+        let reason =
+            format!("the array `{name}` would unfold to {size} bytes, of {}; at most {most} are read", folded.len());
+        return Err(refuse(reason));
+    }
+    let damaged = |reason: &str| refuse(format!("the array `{name}` is damaged: {reason}"));
+    let mut bytes = Vec::new();
+    // One more than there should be tells where there are more.
+    let read = DeflateDecoder::new(folded).take(size + 1).read_to_end(&mut bytes);
+    read.map_err(|error| damaged(&error.to_string()))?;
+    if bytes.len() as u64 != size {
+        return Err(damaged(&format!("it does not unfold to the {size} bytes that are announced")));
+    }
+    let mut own = Crc::new();
+    own.update(&bytes);
+    if own.sum() != sum {
+        return Err(damaged("its checksum is another"));
+    }
+    Ok(bytes)
 }
 
 impl<'a> Array<'a> {
-    fn parse(name: &'static str, bytes: &'a [u8]) -> Result<Self, ReadError> {
+    fn parse(name: &'static str, bytes: Cow<'a, [u8]>) -> Result<Self, ReadError> {
         let wrong = |what: &str| refuse(format!("the array `{name}`: {what}"));
         let (NpyHeader { descriptor, fortran, shape }, data) =
-            NpyHeader::parse(bytes).map_err(|error| wrong(&error.to_string()))?;
+            NpyHeader::parse(&bytes).map_err(|error| wrong(&error.to_string()))?;
         let width: usize = match descriptor.as_str() {
             "|u1" | "|i1" => 1,
             "<u2" | "<i2" => 2,
@@ -100,7 +143,8 @@ impl<'a> Array<'a> {
         if needed.is_none_or(|needed| needed != data.len()) {
             return Err(wrong(&format!("{} bytes do not fill its shape", data.len())));
         }
-        Ok(Self { name, descriptor, fortran, shape, data, width })
+        let header = bytes.len() - data.len();
+        Ok(Self { name, descriptor, fortran, shape, bytes, header, width })
     }
 
     fn rows(&self, columns: std::ops::RangeInclusive<usize>, expected: &str) -> Result<usize, ReadError> {
@@ -112,7 +156,7 @@ impl<'a> Array<'a> {
 
     fn bytes(&self, row: usize, column: usize) -> &[u8] {
         let at = if self.fortran { column * self.shape[0] + row } else { row * self.shape[1] + column };
-        &self.data[at * self.width..][..self.width]
+        &self.bytes[self.header + at * self.width..][..self.width]
     }
 
     fn float(&self, row: usize, column: usize) -> Result<f64, ReadError> {
@@ -178,6 +222,72 @@ mod tests {
 
     fn of<T: Copy, const N: usize>(values: &[T], bytes: impl Fn(T) -> [u8; N]) -> Vec<u8> {
         values.iter().flat_map(|&x| bytes(x)).collect()
+    }
+
+    /// The same, deflated, with a size and a checksum of its own where they are given.
+    fn deflated(members: &[(&str, Vec<u8>)], claimed: Option<u32>, sum: Option<u32>) -> Vec<u8> {
+        let (mut out, mut directory) = (Vec::new(), Vec::new());
+        for (name, data) in members {
+            let mut encoder = flate2::write::DeflateEncoder::new(Vec::new(), flate2::Compression::default());
+            encoder.write_all(data).unwrap();
+            let folded = encoder.finish().unwrap();
+            let mut own = Crc::new();
+            own.update(data);
+            let name = format!("{name}.npy");
+            let start = out.len() as u32;
+            // Version, flags, method, time and date, checksum, sizes, lengths of the name and of what follows it.
+            let mut head = [20u16, 0, 8, 0, 0].map(u16::to_le_bytes).concat();
+            head.extend(sum.unwrap_or(own.sum()).to_le_bytes());
+            head.extend((folded.len() as u32).to_le_bytes());
+            head.extend(claimed.unwrap_or(data.len() as u32).to_le_bytes());
+            head.extend((name.len() as u16).to_le_bytes());
+            head.extend([0, 0]);
+            out.extend(b"PK\x03\x04");
+            out.extend(&head);
+            out.extend(name.as_bytes());
+            out.extend(folded);
+            directory.extend(b"PK\x01\x02\x14\x00");
+            directory.extend(&head);
+            directory.extend([0; 10]);
+            directory.extend(start.to_le_bytes());
+            directory.extend(name.as_bytes());
+        }
+        let start = out.len() as u32;
+        out.extend(&directory);
+        out.extend(b"PK\x05\x06\0\0\0\0");
+        out.extend([(members.len() as u16).to_le_bytes(), (members.len() as u16).to_le_bytes()].concat());
+        out.extend((directory.len() as u32).to_le_bytes());
+        out.extend(start.to_le_bytes());
+        out.extend([0, 0]);
+        out
+    }
+
+    #[test]
+    fn compressed_arrays_are_the_same_and_bombs_are_refused_before_they_unfold() {
+        let rows = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.5];
+        let members = [
+            ("vertices", npy("<f8", false, "3, 3", &of(&rows, f64::to_le_bytes))),
+            ("faces", npy("<i8", false, "1, 3", &of(&[0i64, 1, 2], i64::to_le_bytes))),
+        ];
+        let of_bytes = |bytes: &[u8]| super::read(bytes, &ReadLimits::default());
+        assert_eq!(of_bytes(&deflated(&members, None, None)), read(&members));
+        assert!(read(&members).is_ok());
+        let refused = |bytes: &[u8]| of_bytes(bytes).unwrap_err().to_string();
+        let told = refused(&deflated(&members, None, Some(7)));
+        assert!(told.contains("`vertices` is damaged: its checksum"), "{told}");
+        for claimed in [10, 300] {
+            let told = refused(&deflated(&members, Some(claimed), None));
+            assert!(told.contains("does not unfold to"), "{told}");
+        }
+        // Zeros fold to a thousandth.
+        let zeros = [("vertices", npy("<f8", false, "1000000, 3", &vec![0; 24_000_000]))];
+        let bomb = deflated(&zeros, None, None);
+        assert!(bomb.len() < 40_000);
+        let told = refused(&bomb);
+        assert!(told.contains("would unfold to 24000128 bytes"), "{told}");
+        // One that lies about its size is unfolded to what it says, and no further.
+        let told = refused(&deflated(&zeros, Some(1 << 20), None));
+        assert!(told.contains("does not unfold to the 1048576 bytes"), "{told}");
     }
 
     fn read(members: &[(&str, Vec<u8>)]) -> Result<RawMesh, ReadError> {

@@ -147,6 +147,8 @@ pub struct ElasticProblem {
     pub moving: Vec<u32>,
     /// Their rest positions over `L`, about the centre of mass of the whole object.
     pub positions: Vec<Vector>,
+    /// The vertices that are held, ascending, with their shares of the mass of the object.
+    pub held: Vec<(u32, f64)>,
     /// `λ` in 1/time² of the input over that of the problem: `E / (ρ L²)`.
     pub eigenvalue_scale: f64,
     /// `L`.
@@ -236,6 +238,7 @@ pub fn assemble(
             area: 1.0,
             unknowns: None,
         },
+        held: (0..n).filter(|&v| fixed[v]).map(|v| (v as u32, elements.masses[v])).collect(),
         moving,
         eigenvalue_scale: material.young / material.density / elements.length / elements.length,
         length: elements.length,

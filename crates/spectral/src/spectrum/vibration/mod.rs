@@ -273,6 +273,9 @@ fn put_together(
         part[vertex as usize] = rigid.part[k];
         rest[vertex as usize] = elastic.positions[k].map(|x| x as f32);
     }
+    for &(vertex, share) in &elastic.held {
+        masses[vertex as usize] = elastic.report.total_mass * share;
+    }
     let values = found.values.iter().map(|&value| value.max(0.0) * elastic.eigenvalue_scale);
     let mut metadata = serde_json::json!({"elastic": elastic.report, "parts": rigid.parts, "rigid_motions": free});
     if !found.certificate.is_null() {
