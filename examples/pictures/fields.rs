@@ -208,7 +208,7 @@ fn smoothed(mesh: &TriangleMesh) -> Result<(), Failure> {
     let setting = basis(mesh, json!({"dimension": 1500, "field": "tensor"}))?;
     let eye = camera(mesh, [0.4, 1.0, 0.5], 440, 380);
     let raw = curvature_tensors(&setting.surface.surface)?;
-    let raw = principal_directions(&raw, 2).ok_or("no directions")?.target;
+    let raw = principal_directions(&raw, 2)?.target;
     let request: DesignRequest = serde_json::from_value(json!({
         "weights": {"harmonic": 0.01, "biharmonic": 0.0001}, "alignment": {"to": "curvature", "weight": 1.0}
     }))?;

@@ -29,7 +29,7 @@ pub fn draw() -> Result<(), Failure> {
     let view = View::from([0.3, 0.2, 1.0], [0.0, 1.0, 0.0]);
     let mut sheet = Sheet::new(4, 190, 190);
     for mode in [6, 8, 12, 20] {
-        let (moved, size) = displaced(&surface, &exact, mode);
+        let (moved, size) = displaced(&surface, &exact, mode)?;
         sheet.add(&moved, &sequential(&size, None), &view, &format!("{:.2} Hz", exact.frequencies()[mode]));
     }
     let camel = scene::load(&folder.join("camelhead.off"))?;
@@ -41,25 +41,25 @@ pub fn draw() -> Result<(), Failure> {
     compare("cat, shell of .3 % of its size", body, &cat.positions, 60, &[120, 200])?;
     let view = View::from([1.0, 0.2, 0.4], [0.0, 1.0, 0.0]);
     for mode in [6, 8, 12, 20] {
-        let (moved, size) = displaced(&camel, &exact, mode);
+        let (moved, size) = displaced(&camel, &exact, mode)?;
         sheet.add(&moved, &sequential(&size, None), &view, &format!("{:.2} Hz", exact.frequencies()[mode]));
     }
     scene::save("vibration.svg", &sheet.svg())
 }
 
 /// The surface in a mode, and by how much each vertex moves.
-fn displaced(surface: &TriangleMesh, basis: &ModalBasis, mode: usize) -> (TriangleMesh, Vec<f64>) {
+fn displaced(surface: &TriangleMesh, basis: &ModalBasis, mode: usize) -> Result<(TriangleMesh, Vec<f64>), Failure> {
     let mut q = vec![0.0; basis.count()];
     q[mode] = 1.0;
     let mut lifted = vec![0f32; 3 * basis.vertices()];
-    basis.lifter().lift(&q, &mut lifted);
+    basis.lifter().lift(&q, &mut lifted)?;
     let moves = &lifted.as_chunks::<3>().0[..surface.positions.len()];
     let size = |u: &[f32; 3]| u.iter().map(|x| f64::from(x * x)).sum::<f64>().sqrt();
     let sizes: Vec<f64> = moves.iter().map(size).collect();
     let factor = 0.12 * extent(surface) / sizes.iter().copied().fold(1e-300, f64::max);
     let positions = surface.positions.iter().zip(moves);
     let positions = positions.map(|(p, u)| std::array::from_fn(|k| p[k] + factor * f64::from(u[k]))).collect();
-    (TriangleMesh { positions, faces: surface.faces.clone(), ..Default::default() }, sizes)
+    Ok((TriangleMesh { positions, faces: surface.faces.clone(), ..Default::default() }, sizes))
 }
 
 fn extent(mesh: &TriangleMesh) -> f64 {
@@ -123,25 +123,29 @@ fn simulation_error(exact: &ModalBasis, found: &ModalBasis, rest: &[[f64; 3]]) -
     let motion = |basis: &ModalBasis, momentum: f64| {
         Motion::new(basis, damping, &[Load::Impulse { vertex: 0, time: 0.0, momentum: [0.0, momentum, momentum] }])
     };
-    let part = |basis: &ModalBasis, motion: &Motion, k: usize, elastic: bool| {
+    let part = |basis: &ModalBasis, motion: &Motion, k: usize, elastic: bool| -> Result<Vec<f32>, Failure> {
         let mut q: Vec<f64> = motion.at(frame(k)).iter().map(|state| state.position).collect();
         q[..if elastic { basis.rigid } else { 0 }].fill(0.0);
         let mut lifted = vec![0f32; 3 * basis.vertices()];
-        basis.lifter().lift(&q, &mut lifted);
-        lifted
+        basis.lifter().lift(&q, &mut lifted)?;
+        Ok(lifted)
     };
     let lifted = |basis: &ModalBasis, motion: &Motion, k: usize| part(basis, motion, k, false);
     // The momentum that gives the displacement: the motion is linear in it.
     let unit = motion(exact, 1.0)?;
-    let reach = (1..50).map(|k| lifted(exact, &unit, k)[..3].iter().map(|x| f64::from(x * x)).sum::<f64>().sqrt());
-    let momentum = 0.05 * exact.length / reach.fold(1e-300, f64::max);
+    let mut reach = 1e-300f64;
+    for k in 1..50 {
+        let there = lifted(exact, &unit, k)?;
+        reach = reach.max(there[..3].iter().map(|x| f64::from(x * x)).sum::<f64>().sqrt());
+    }
+    let momentum = 0.05 * exact.length / reach;
     let (a, b) = (motion(exact, momentum)?, motion(found, momentum)?);
     let total: f64 = exact.masses.iter().sum();
     let centre: [f64; 3] =
         std::array::from_fn(|k| exact.masses.iter().zip(rest).map(|(m, p)| m * p[k]).sum::<f64>() / total);
     let (mut sum, mut largest, mut moved, mut elastic) = (0.0, 0f64, 0.0, 0.0);
     for k in 1..=250 {
-        let (x, y) = (lifted(exact, &a, k), lifted(found, &b, k));
+        let (x, y) = (lifted(exact, &a, k)?, lifted(found, &b, k)?);
         let (mut wrong, mut whole, mut displaced) = (0.0, 0.0, 0.0);
         for (v, p) in rest.iter().enumerate() {
             for axis in 0..3 {
@@ -155,7 +159,7 @@ fn simulation_error(exact: &ModalBasis, found: &ModalBasis, rest: &[[f64; 3]]) -
         sum += error / 250.0;
         moved += (wrong / displaced).sqrt() / 250.0;
         largest = largest.max(error);
-        let (x, y) = (part(exact, &a, k, true), part(found, &b, k, true));
+        let (x, y) = (part(exact, &a, k, true)?, part(found, &b, k, true)?);
         let weighted = |of: &dyn Fn(usize) -> f32| {
             (0..x.len()).map(|row| exact.masses[row / 3] * f64::from(of(row)).powi(2)).sum::<f64>()
         };

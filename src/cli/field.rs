@@ -71,9 +71,9 @@ impl FieldArguments {
 pub fn field(arguments: FieldArguments) -> Result<ExitCode, CliError> {
     let job = arguments.job()?;
     let finished = arguments.work.run(&job)?;
-    let summary = finished.product.summary();
+    let summary = finished.product.summary().map_err(|error| CliError::stdout(error.into()))?;
     let text = if arguments.work.json {
-        let mut line = finished.json(&job);
+        let mut line = finished.json(&job)?;
         line["eigenvalues"] = summary.eigenvalues.iter().take(20).copied().collect();
         line["certificate"] = summary.certificate;
         format!("{line}\n")

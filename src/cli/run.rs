@@ -60,7 +60,7 @@ impl RunArguments {
 pub fn run(arguments: RunArguments) -> Result<ExitCode, CliError> {
     let job = arguments.job()?;
     let finished = arguments.work.run(&job)?;
-    let line = finished.json(&job);
+    let line = finished.json(&job)?;
     let text = if arguments.work.json {
         format!("{line}\n")
     } else {

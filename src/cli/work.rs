@@ -275,11 +275,11 @@ pub struct Prepared {
 
 impl Finished {
     /// What every kind of work tells, as one object.
-    pub fn json(&self, job: &JobParameters) -> Value {
+    pub fn json(&self, job: &JobParameters) -> Result<Value, CliError> {
         let mut parameters = job.canonical();
         abbreviate(&mut parameters);
-        let summary = self.product.summary();
-        json!({
+        let summary = self.product.summary().map_err(|error| CliError::stdout(error.into()))?;
+        Ok(json!({
             "kind": job.kind(),
             "vertices": self.mesh.positions.len(),
             "faces": self.mesh.faces.len(),
@@ -295,7 +295,7 @@ impl Finished {
             "memory_estimate_bytes": self.memory_estimate,
             "solver_version": SOLVER_VERSION,
             "eigenvalues": summary.eigenvalues,
-        })
+        }))
     }
 
     /// Seconds of each stage; one that came more than once counts whole.

@@ -193,7 +193,9 @@ impl From<AnalysisError> for Problem {
             AnalysisError::Stream { at, .. } => Self::new(&problem::INVALID_STREAM, text).with("at", at),
             AnalysisError::Basis(error) => error.into(),
             AnalysisError::Cancelled(cancelled) => cancelled.into(),
-            AnalysisError::Eigen(_) | AnalysisError::Factor(_) => Self::internal(error),
+            AnalysisError::Eigen(_) | AnalysisError::Factor(_) | AnalysisError::Compression { .. } => {
+                Self::internal(error)
+            }
             _ => Self::new(&problem::INVALID_ANALYSIS, text),
         }
     }

@@ -9,7 +9,8 @@ use tokio::sync::{Mutex, oneshot};
 use tokio_util::sync::CancellationToken;
 
 use super::auth::{ApiKey, KeyError};
-use super::fields::FieldCache;
+use super::counted::Counted;
+use super::field_cache::FieldCache;
 use super::problem::Problem;
 use super::shares::Shares;
 use super::slots::Slots;
@@ -90,7 +91,7 @@ pub struct Shared {
     refuse: AtomicBool,
     health: Mutex<Option<(Instant, StoreHealth)>>,
     /// What cache counters were already raised to.
-    pub(super) counted: super::system::Counted,
+    pub(super) counted: Counted,
 }
 
 impl std::ops::Deref for AppState {
@@ -148,7 +149,7 @@ impl AppState {
             workers_alive: Box::new(workers_alive),
             refuse: AtomicBool::new(false),
             health: Mutex::new(None),
-            counted: super::system::Counted::default(),
+            counted: Counted::default(),
             config,
         })))
     }

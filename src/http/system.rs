@@ -1,7 +1,5 @@
 //! Health, readiness and metrics.
 
-use std::sync::atomic::{AtomicU64, Ordering};
-
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderValue, header};
@@ -11,6 +9,7 @@ use utoipa::ToSchema;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+use super::counted::catch_up;
 use super::problem::{self, Problem};
 use super::problems::problems;
 use super::state::AppState;
@@ -269,20 +268,4 @@ async fn metrics(State(state): State<AppState>) -> Result<Response, Problem> {
     let text = metrics.render();
     Ok(([(header::CONTENT_TYPE, HeaderValue::from_static("text/plain; version=0.0.4; charset=utf-8"))], text)
         .into_response())
-}
-
-/// What counters were already raised to.
-#[derive(Debug, Default)]
-pub struct Counted {
-    hits: AtomicU64,
-    misses: AtomicU64,
-    gpu_fallbacks: AtomicU64,
-}
-
-/// Raises a counter to a total that someone else keeps; two scrapes at once raise it once.
-fn catch_up(counted: &AtomicU64, total: u64, raise: impl Fn(u64)) {
-    let before = counted.fetch_max(total, Ordering::Relaxed);
-    if total > before {
-        raise(total - before);
-    }
 }

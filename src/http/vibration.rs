@@ -127,6 +127,7 @@ impl From<SimulationFault> for Problem {
             SimulationFault::SoundAlone(_) => refused("sound"),
             SimulationFault::Vertex { .. } => refused("vertex-out-of-range"),
             SimulationFault::Simulation(error) => error.into(),
+            SimulationFault::Basis(error) => error.into(),
             SimulationFault::Cancelled(cancelled) => cancelled.into(),
         }
     }

@@ -12,7 +12,7 @@ use std::{
 use chladni_spectral::basis::Product;
 use chladni_work::{Division, MeshSize};
 use tokio::{
-    sync::{broadcast, mpsc, oneshot, watch},
+    sync::{broadcast, mpsc, oneshot},
     time::{Instant, MissedTickBehavior, interval},
 };
 use uuid::Uuid;
@@ -22,7 +22,7 @@ use super::{
     divided::{self, Next},
     memory::Reservation,
     monitor::AttemptMonitor,
-    pool::Shared,
+    shared::{Ending, Shared, signalled},
 };
 use crate::store::{
     Claim, CompleteAnswer, DivideAnswer, FailAnswer, HeartbeatAnswer, JobEvent, JobProblem, JobRecord, JobStatus,
@@ -347,17 +347,6 @@ async fn store_result(shared: &Shared, kind: &str, token: Uuid, monitor: &Attemp
     }
 }
 
-/// How an attempt without a result ends.
-#[derive(Debug)]
-pub(super) enum Ending {
-    Failed(JobProblem, bool),
-    Died(String),
-    Canceled,
-    Released,
-    /// Given back, to whoever has so many bytes of memory for it.
-    Enlarged(u64),
-}
-
 /// Writes down how an attempt ended; where the storage refuses for longer than a lease, the reaper will see to it.
 async fn settle(shared: &Shared, kind: &str, ending: Ending, token: Uuid) {
     let deadline = Instant::now() + shared.options.lease;
@@ -411,12 +400,6 @@ fn problem(kind: &str, error: &StoreError) -> JobProblem {
 
 fn stage_words(monitor: &AttemptMonitor) -> String {
     monitor.snapshot().stage.map_or(String::new(), |stage| format!(" at stage {stage}"))
-}
-
-/// Waits until a flag is raised.
-pub(super) async fn signalled(flag: &mut watch::Receiver<bool>) {
-    // An error means that whoever might raise it is gone: that counts too.
-    let _ = flag.wait_for(|&raised| raised).await;
 }
 
 async fn until(deadline: Option<Instant>) {

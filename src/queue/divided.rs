@@ -5,7 +5,8 @@ use chladni_spectral::basis::{EIGENBASIS_PART, ProductKind};
 use chladni_work::packed::Packed;
 use chladni_work::{Division, JobParameters, MeshSize, abbreviated};
 
-use super::{MEMORY_EXCEEDED, WorkerOptions, attempt::Ending, pool::Shared};
+use super::shared::{Ending, Shared};
+use super::{MEMORY_EXCEEDED, WorkerOptions};
 use crate::store::{JobProblem, JobRecord, NewPart, Store, StoreError, Subject};
 
 /// What is next for a job.

@@ -11,15 +11,18 @@ mod attempt;
 mod divided;
 mod memory;
 mod monitor;
+mod options;
 mod pool;
 pub mod process;
 mod runner;
+mod shared;
 mod solver;
 #[cfg(test)]
 mod tests;
 
 pub use crate::store::fault;
-pub use pool::{WorkerOptions, WorkerPool};
+pub use options::WorkerOptions;
+pub use pool::WorkerPool;
 pub use runner::{JobFailure, Outcome, QueueObserver, Runner, Unobserved, Watch};
 pub use solver::Solver;
 

@@ -2,11 +2,8 @@
 
 use std::{
     panic::AssertUnwindSafe,
-    sync::{
-        Arc, Mutex, PoisonError,
-        atomic::{AtomicUsize, Ordering},
-    },
-    time::{Duration, Instant},
+    sync::{Arc, Mutex},
+    time::Duration,
 };
 
 use futures_util::FutureExt;
@@ -18,103 +15,16 @@ use super::{
     QueueObserver, Runner,
     attempt::{self, Threads},
     memory::Budget,
+    options::WorkerOptions,
+    shared::{Shared, signalled},
 };
 use crate::store::{JobStatus, Store, Worker};
 
-/// How the worker pool runs.
-#[derive(Debug, Clone)]
-pub struct WorkerOptions {
-    /// Jobs that run at the same time. With 0 none is claimed; leases that ran out are looked after all the same.
-    pub workers: usize,
-    /// Threads of all jobs together; 0 takes one for each core. Each worker gets its share, and one at least.
-    pub threads: usize,
-    /// How long a lease lasts without a heartbeat.
-    pub lease: Duration,
-    /// The least time between two records of a job's progress.
-    pub heartbeat: Duration,
-    /// How long a job may go without a checkpoint before it counts as stalled.
-    pub stall: Duration,
-    /// The kinds of job that are claimed; all where it is empty.
-    pub kinds: Vec<String>,
-    /// Bytes of memory that running jobs may need together, by their estimates. A job that does not fit beside those
-    /// that run waits, and so do those behind it.
-    pub memory: u64,
-    /// Whether the runner does each job in a process of its own.
-    pub isolated: bool,
-}
-
-impl Default for WorkerOptions {
-    fn default() -> Self {
-        Self {
-            workers: 1,
-            threads: 0,
-            lease: Duration::from_secs(30),
-            heartbeat: Duration::from_millis(500),
-            stall: Duration::from_secs(900),
-            kinds: Vec::new(),
-            memory: u64::MAX,
-            isolated: false,
-        }
-    }
-}
-
 /// An idle worker looks at the queue this often, beside being rung for.
 const IDLE: Duration = Duration::from_millis(500);
-/// A process whom the storage refuses asks this often whether it is let in, and takes no jobs until then.
-const REFUSED_PAUSE: Duration = Duration::from_secs(5);
 /// Attempts that hang cannot be ended, only left behind, and each keeps its threads and memory: with so many, no more
 /// jobs are claimed.
 const MOST_LEFT_BEHIND: usize = 4;
-
-/// What workers and attempts share.
-pub(super) struct Shared {
-    pub store: Store,
-    pub options: WorkerOptions,
-    pub runner: Arc<dyn Runner>,
-    pub observer: Arc<dyn QueueObserver>,
-    /// Attempts whose work runs, whether or not anyone waits for it.
-    pub left_behind: Arc<AtomicUsize>,
-    pub budget: Arc<Budget>,
-    /// True from when running jobs go back to the queue.
-    pub give_back: watch::Sender<bool>,
-    /// Since when the storage has refused this process, where it did.
-    pub refused: Mutex<Option<Instant>>,
-    /// What this process has for jobs, under a name that no other has.
-    own: Worker,
-    stopping: watch::Sender<bool>,
-}
-
-impl Shared {
-    /// Remembers that the storage refused this process.
-    pub fn note_refusal(&self) {
-        *self.refused.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
-    }
-
-    /// Whether the storage lets this process in, as far as is known: after a refusal it is asked, now and then.
-    async fn is_let_in(&self) -> bool {
-        let refused = *self.refused.lock().unwrap_or_else(PoisonError::into_inner);
-        let Some(since) = refused else { return true };
-        if since.elapsed() < REFUSED_PAUSE {
-            return false;
-        }
-        if let Err(error) = self.store.reach_content().await {
-            tracing::error!(%error, "the content store refuses access; this process takes no jobs");
-            self.note_refusal();
-            return false;
-        }
-        *self.refused.lock().unwrap_or_else(PoisonError::into_inner) = None;
-        true
-    }
-
-    fn stopping(&self) -> bool {
-        *self.stopping.borrow()
-    }
-
-    /// Work that runs beyond the one of each worker.
-    fn hanging(&self) -> usize {
-        self.left_behind.load(Ordering::Relaxed).saturating_sub(self.options.workers.max(1))
-    }
-}
 
 /// The running worker pool. Dropped without [`drain`](Self::drain), it goes on until the runtime ends.
 pub struct WorkerPool {
@@ -233,7 +143,7 @@ async fn work(shared: Arc<Shared>, worker: usize, share: usize) {
                 tokio::select! {
                     () = shared.store.work().notified() => {}
                     () = tokio::time::sleep(IDLE) => {}
-                    () = attempt::signalled(&mut stopping) => {}
+                    () = signalled(&mut stopping) => {}
                 }
             }
             Err(_) => {

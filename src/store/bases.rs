@@ -255,7 +255,8 @@ impl Store {
         product: Product,
         numbering: Option<Arc<Numbering>>,
     ) -> Result<Option<WrittenBasis>, StoreError> {
-        let summary = product.summary();
+        let unwritten_summary = |error| StoreError::Unavailable { detail: format!("JSON: {error}") };
+        let summary = product.summary().map_err(unwritten_summary)?;
         let product = match product.in_columns() {
             Ok(basis) => {
                 return Ok(self.put_dense(token, basis, numbering).await?.map(|dense| WrittenBasis {

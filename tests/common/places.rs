@@ -166,7 +166,7 @@ impl Places {
             assert_eq!((job.status, job.basis), (JobStatus::Succeeded, Some(basis.id)));
             // Loading verifies the hash.
             let product = store.load_product(basis.id).await.unwrap();
-            assert_eq!(product.summary().eigenvalues, basis.eigenvalues);
+            assert_eq!(product.summary().unwrap().eigenvalues, basis.eigenvalues);
             if let Some(&number) = known.get(&basis.id.to_string()) {
                 assert_eq!(basis.eigenvalues[0], f64::from(number), "the result of another job");
             }

@@ -146,3 +146,14 @@ pub fn row_parts<T>(values: &mut [T], rows: usize, each: usize) -> Vec<Vec<&mut 
     }
     parts
 }
+
+/// A matrix as `faer` sees it.
+pub(super) fn view(matrix: &DenseMatrix) -> MatRef<'_, f64> {
+    MatRef::from_column_major_slice(matrix.values(), matrix.rows(), matrix.columns())
+}
+
+/// The same, to write to.
+pub(super) fn view_mut(matrix: &mut DenseMatrix) -> MatMut<'_, f64> {
+    let (rows, columns) = (matrix.rows(), matrix.columns());
+    MatMut::from_column_major_slice_mut(matrix.values_mut(), rows, columns)
+}

@@ -1,7 +1,7 @@
 //! The dense symmetric-definite eigenproblem `A x = λ B x`: one interface, and the solver on the CPU.
 
-use chladni_base::{Cancelled, Monitor};
-use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
+use chladni_base::Monitor;
+use faer::dyn_stack::MemStack;
 use faer::linalg::cholesky::llt::factor as cholesky;
 use faer::linalg::evd::{self, ComputeEigenvectors};
 use faer::linalg::matmul::triangular::{self, BlockStructure};
@@ -11,56 +11,9 @@ use faer::{Accum, MatMut, MatRef, Par};
 
 use super::DenseMatrix;
 use super::bisection::lowest_few;
+use super::dense::{view, view_mut};
+use super::eigen_error::{EigenError, memory};
 use super::tridiagonal::tridiagonalise;
-
-/// Why an eigenproblem was not solved.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum EigenError {
-    /// The matrices are not square or not of one size.
-    #[error("a pencil of a {}×{} and a {}×{} matrix has no eigenvalues", a.0, a.1, b.0, b.1)]
-    Shape {
-        /// Rows and columns of `A`.
-        a: (usize, usize),
-        /// Rows and columns of `B`.
-        b: (usize, usize),
-    },
-    /// More pairs are wanted than there are.
-    #[error("{count} pairs were requested of a pencil of size {size}")]
-    Count {
-        /// How many were asked for.
-        count: usize,
-        /// The size of the pencil.
-        size: usize,
-    },
-    /// An entry is infinite or not a number.
-    #[error("entry ({row}, {column}) of {matrix} is not finite")]
-    NotFinite {
-        /// `A` or `B`.
-        matrix: char,
-        /// Its row.
-        row: usize,
-        /// Its column.
-        column: usize,
-    },
-    /// `B` is not positive definite, as far as rounding lets one tell.
-    #[error("B is not positive definite: pivot {pivot} is not positive")]
-    NotPositiveDefinite {
-        /// The first column where the Cholesky factorisation failed.
-        pivot: usize,
-    },
-    /// There is not enough memory.
-    #[error("could not allocate {bytes} bytes of working memory")]
-    Memory {
-        /// What was asked for.
-        bytes: usize,
-    },
-    /// The iteration on the tridiagonal matrix did not converge.
-    #[error("the eigenvalues of the tridiagonal matrix did not converge")]
-    NoConvergence,
-    /// The work was cancelled.
-    #[error(transparent)]
-    Cancelled(#[from] Cancelled),
-}
 
 /// Where eigenpairs were computed.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -220,20 +173,6 @@ pub(super) fn make_largest_positive(vector: &mut [f64]) {
     if largest < 0.0 {
         vector.iter_mut().for_each(|x| *x = -*x);
     }
-}
-
-pub(super) fn view(matrix: &DenseMatrix) -> MatRef<'_, f64> {
-    MatRef::from_column_major_slice(matrix.values(), matrix.rows(), matrix.columns())
-}
-
-pub(super) fn view_mut(matrix: &mut DenseMatrix) -> MatMut<'_, f64> {
-    let (rows, columns) = (matrix.rows(), matrix.columns());
-    MatMut::from_column_major_slice_mut(matrix.values_mut(), rows, columns)
-}
-
-/// Working memory, or a typed error where there is none.
-pub(super) fn memory(request: StackReq) -> Result<MemBuffer, EigenError> {
-    MemBuffer::try_new(request).map_err(|_| EigenError::Memory { bytes: request.unaligned_bytes_required() })
 }
 
 pub(super) fn check_finite(matrix: char, values: &DenseMatrix) -> Result<(), EigenError> {

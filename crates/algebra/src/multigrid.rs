@@ -32,7 +32,7 @@ use self::smoother::{Buffers, Factors, add_product, residual, restrict};
 pub(crate) use self::smoother::{ChebyshevStep, FIRST_GAMMA, chebyshev};
 use super::patches::{RINGS, SparseRows, patches};
 use super::{EigenError, MassMatrix, Patch, SparseMatrix, vectorized};
-use chladni_base::{Cancelled, Monitor, Spare};
+use chladni_base::{Cancelled, Monitor, Spare, stopped};
 
 /// Right-hand sides of a panel.
 pub const CYCLE_WIDTH: usize = 16;
@@ -130,14 +130,7 @@ pub enum MultigridError {
     Coarsest(EigenError),
 }
 
-impl From<EigenError> for MultigridError {
-    fn from(error: EigenError) -> Self {
-        match error {
-            EigenError::Cancelled(cancelled) => Self::Cancelled(cancelled),
-            other => Self::Coarsest(other),
-        }
-    }
-}
+stopped!(MultigridError: EigenError => Self::Coarsest);
 
 impl Multigrid {
     /// The hierarchy of `S + cM`, `n × n` and positive semi-definite; `S` is `stiffness`, its rows in a compact order

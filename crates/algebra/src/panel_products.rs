@@ -91,7 +91,11 @@ pub fn apply_mass(mass: &MassMatrix, x: &mut Vec<f64>, scratch: &mut Vec<f64>) {
 }
 
 /// `U X`: the columns of `x` prolonged.
+///
+/// # Panics
+/// Unless `x` has a row for each column of `space`.
 pub fn prolong<T: Scalar>(space: &SparseMatrix<T>, x: &PanelMatrix) -> PanelMatrix {
+    assert_eq!(space.columns(), x.rows(), "a space of so many columns for vectors of so many rows");
     let mut y = PanelMatrix::zeros(space.rows(), x.columns());
     y.panels_mut().par_iter_mut().zip(x.panels()).for_each(|(y, x)| {
         let x = rows_of(x);

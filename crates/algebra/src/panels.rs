@@ -43,8 +43,13 @@ impl PanelMatrix {
     /// The matrix with `rows` rows of which row `places[i]` is row `i` of this one times a factor for each column; the
     /// others are zero. Each panel is given back before the next is taken, so that there is never a second copy of the
     /// whole.
+    ///
+    /// # Panics
+    /// Unless there is a place below `rows` for each row and a factor for each column.
     pub fn spread(self, rows: usize, places: &[u32], factors: &[f64]) -> Self {
         let columns = self.columns;
+        assert_eq!(places.len(), self.rows, "so many places for so many rows");
+        assert_eq!(factors.len(), columns, "so many factors for so many columns");
         // The memory of each panel serves for the next.
         let mut spare: Vec<f64> = Vec::new();
         let mut panels = Vec::with_capacity(self.panels.len());
@@ -59,9 +64,7 @@ impl PanelMatrix {
             }
             let to = spread.as_chunks_mut::<PANEL_WIDTH>().0;
             for (row, &place) in panel.as_chunks::<PANEL_WIDTH>().0.iter().zip(places) {
-                if let Some(to) = to.get_mut(place as usize) {
-                    *to = std::array::from_fn(|k| row[k] * scales[k]);
-                }
+                to[place as usize] = std::array::from_fn(|k| row[k] * scales[k]);
             }
             spare = panel;
             panels.push(spread);

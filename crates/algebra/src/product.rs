@@ -185,30 +185,6 @@ impl<T: Scalar> SparseMatrix<T> {
         });
     }
 
-    /// The transpose, in time and memory linear in the entries.
-    pub fn transpose(&self) -> Self {
-        let mut offsets = vec![0usize; self.columns() + 2];
-        for &column in self.indices() {
-            offsets[column as usize + 2] += 1;
-        }
-        for c in 2..offsets.len() {
-            offsets[c] += offsets[c - 1];
-        }
-        let mut indices = vec![0u32; self.entries()];
-        let mut values = vec![T::default(); self.entries()];
-        for row in 0..self.rows() {
-            let (columns, row_values) = self.row(row);
-            for (&column, &value) in columns.iter().zip(row_values) {
-                let next = &mut offsets[column as usize + 1];
-                indices[*next] = row as u32;
-                values[*next] = value;
-                *next += 1;
-            }
-        }
-        offsets.pop();
-        Self::from_sorted_parts(self.columns(), self.rows(), offsets, indices, values)
-    }
-
     /// The same matrix with every entry stored.
     pub fn to_dense(&self) -> DenseMatrix {
         let mut dense = DenseMatrix::zeros(self.rows(), self.columns());

@@ -26,10 +26,23 @@ impl<A, R, F: Fn(A) -> R> pulp::WithSimd for Task<A, F> {
     }
 }
 
+/// `aᵀ b` of two vectors of one length, each term added to the sum of those before.
+///
+/// # Panics
+/// Where the vectors have different lengths.
+pub fn dot_in_order(a: &[f64], b: &[f64]) -> f64 {
+    assert_eq!(a.len(), b.len(), "an inner product of vectors of different lengths");
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
 /// `aᵀ b` of two vectors of one length, as eight sums at once: none waits for the one before. To be called within
 /// [`vectorized`] where it matters.
+///
+/// # Panics
+/// Where the vectors have different lengths.
 #[inline(always)]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    assert_eq!(a.len(), b.len(), "an inner product of vectors of different lengths");
     let (a8, a1) = a.as_chunks::<8>();
     let (b8, b1) = b.as_chunks::<8>();
     let mut sums = [0.0; 8];

@@ -123,7 +123,55 @@ impl<T> SparseMatrix<T> {
     }
 }
 
+impl SparseMatrix {
+    /// A square matrix from entries `(row, column, value)` in any order; those of one place are added up in the order
+    /// in which they are given.
+    ///
+    /// # Panics
+    /// Where a row or a column is not below `size`.
+    pub fn summed(size: usize, mut entries: Vec<(u32, u32, f64)>) -> Self {
+        let beyond = entries.iter().find(|&&(row, column, _)| row.max(column) as usize >= size);
+        assert_eq!(beyond, None, "an entry outside a matrix of size {size}");
+        entries.par_sort_by_key(|e| (e.0, e.1));
+        let mut offsets = vec![0usize; size + 1];
+        let (mut indices, mut values) = (Vec::new(), Vec::new());
+        for same in entries.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+            offsets[same[0].0 as usize + 1] += 1;
+            indices.push(same[0].1);
+            values.push(same.iter().map(|e| e.2).sum());
+        }
+        for row in 0..size {
+            offsets[row + 1] += offsets[row];
+        }
+        Self::from_sorted_parts(size, size, offsets, indices, values)
+    }
+}
+
 impl<T: Copy + Default + Send> SparseMatrix<T> {
+    /// The transpose, in time and memory linear in the entries.
+    pub fn transpose(&self) -> Self {
+        let mut offsets = vec![0usize; self.columns() + 2];
+        for &column in self.indices() {
+            offsets[column as usize + 2] += 1;
+        }
+        for c in 2..offsets.len() {
+            offsets[c] += offsets[c - 1];
+        }
+        let mut indices = vec![0u32; self.entries()];
+        let mut values = vec![T::default(); self.entries()];
+        for row in 0..self.rows() {
+            let (columns, row_values) = self.row(row);
+            for (&column, &value) in columns.iter().zip(row_values) {
+                let next = &mut offsets[column as usize + 1];
+                indices[*next] = row as u32;
+                values[*next] = value;
+                *next += 1;
+            }
+        }
+        offsets.pop();
+        Self::from_sorted_parts(self.columns(), self.rows(), offsets, indices, values)
+    }
+
     /// Builds a matrix row by row, on all threads. Every row is made by itself, so that the result does not depend on
     /// how many threads there are.
     ///

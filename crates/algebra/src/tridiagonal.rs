@@ -16,7 +16,8 @@ use faer::{Accum, Conj, MatMut, MatRef, Par};
 
 use super::DenseMatrix;
 use super::column_products::{add_combination, add_symmetric, dot_products};
-use super::eigen::{EigenError, memory, view, view_mut};
+use super::dense::{view, view_mut};
+use super::eigen_error::{EigenError, memory};
 
 /// Sizes below which the whole matrix fits the second-level cache, and faer's reduction, column by column, is as fast
 /// or faster.

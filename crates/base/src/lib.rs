@@ -6,6 +6,7 @@ mod monitor;
 pub mod parallel;
 mod random;
 mod spare;
+mod stopped;
 mod trim;
 
 pub use monitor::{Cancelled, Monitor, Portion, Quiet, Share, StageClock, Unwatched, notes};

@@ -9,11 +9,9 @@ use super::attributes::Attributes;
 use super::numbering::Numbering;
 use super::read::{RawMesh, ReadLimits};
 pub use super::repair::DROPPED;
-pub use super::report::{Defect, DefectKind, EXAMPLES, Element, FileSize, MeshReport, Repair, RepairKind};
+pub use super::report::{Defect, DefectKind, EXAMPLES, Element, FileSize, MeshReport, Repair, RepairKind, SurfaceOf};
+pub use super::subdivide::MOST_SUBDIVISIONS;
 use serde::{Deserialize, Serialize};
-
-/// How often a mesh may be divided: 4096 faces for each.
-pub const MOST_SUBDIVISIONS: u8 = 6;
 
 /// Whether vertices at exactly equal positions become one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
@@ -27,19 +25,6 @@ pub enum Merge {
     Always,
     /// Never.
     Never,
-}
-
-/// Which surface a mesh with tetrahedra stands for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-#[serde(rename_all = "snake_case")]
-pub enum SurfaceOf {
-    /// Where its tetrahedra have no neighbour. The default: that surface is closed and the solid's own, whereas the
-    /// triangles of such files may be any part of it, sheets inside it, or another surface altogether.
-    #[default]
-    Boundary,
-    /// The triangles that the file gives. The tetrahedra are left out.
-    Given,
 }
 
 /// What a check may do and what it takes for usable.

@@ -1,7 +1,7 @@
 //! The face nearest to a point: a tree of boxes over faces in the order of a space-filling curve.
 
 use super::TriangleMesh;
-use super::sample::sort_spatially;
+use super::sample::faces_along_curve;
 
 /// Faces of one leaf.
 const LEAF: usize = 8;
@@ -18,17 +18,7 @@ pub struct FaceHierarchy {
 impl FaceHierarchy {
     /// Builds the tree in `O(f log f)`.
     pub fn new(mesh: &TriangleMesh) -> Self {
-        let centres = TriangleMesh {
-            positions: mesh
-                .faces
-                .iter()
-                .map(|f| [0, 1, 2].map(|i| f.iter().map(|&v| mesh.positions[v as usize][i]).sum::<f64>() / 3.0))
-                .collect(),
-            faces: Vec::new(),
-            ..Default::default()
-        };
-        let mut order: Vec<u32> = (0..mesh.faces.len() as u32).collect();
-        sort_spatially(&centres, &mut order);
+        let order = faces_along_curve(mesh);
         let mut boxes: Vec<[[f32; 3]; 2]> = order
             .chunks(LEAF)
             .map(|faces| {

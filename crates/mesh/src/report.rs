@@ -6,6 +6,41 @@ use std::fmt;
 /// How many offenders of each kind a report names.
 pub const EXAMPLES: usize = 5;
 
+/// Which surface a mesh with tetrahedra stands for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum SurfaceOf {
+    /// Where its tetrahedra have no neighbour. The default: that surface is closed and the solid's own, whereas the
+    /// triangles of such files may be any part of it, sheets inside it, or another surface altogether.
+    #[default]
+    Boundary,
+    /// The triangles that the file gives. The tetrahedra are left out.
+    Given,
+}
+
+/// What is known about the tetrahedra of a solid after they were checked.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct SolidReport {
+    /// Vertices, those of the surface first.
+    pub vertices: usize,
+    /// Tetrahedra.
+    pub tetrahedra: usize,
+    /// Volume, in cubed units of the input.
+    pub volume: f64,
+    /// Tetrahedra that were given inside out, and turned.
+    pub inverted: usize,
+    /// Tetrahedra too flat to have a volume; they are kept, since dropping them would open a hole, and resist nothing.
+    pub flat: usize,
+    /// Tetrahedra that repeat a vertex, or equal an earlier one; they were dropped.
+    pub dropped: usize,
+    /// Triangles that more than two tetrahedra share.
+    pub overfull_triangles: usize,
+    /// Triangles of the file; the surface is that of the tetrahedra instead. Where the two differ, defects say by what.
+    pub given_triangles: usize,
+}
+
 /// What is known about a triangle mesh after it was checked and repaired.
 ///
 /// Counts and topology describe the mesh as it will be used, after the repairs. Defects describe the mesh as it was
@@ -54,13 +89,13 @@ pub struct MeshReport {
     pub polygons: usize,
     /// What is inside, where the mesh is the surface of a solid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub solid: Option<super::solid::SolidReport>,
+    pub solid: Option<SolidReport>,
     /// How often every face was divided into four.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub subdivisions: u8,
     /// Which surface this is, where the file has tetrahedra.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub surface: Option<super::check::SurfaceOf>,
+    pub surface: Option<SurfaceOf>,
     /// Vertices and faces of the file, where it numbers them in another way than the mesh that was made of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub file: Option<FileSize>,

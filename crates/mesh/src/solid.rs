@@ -1,7 +1,5 @@
 //! Solids: tetrahedra checked, and the surface that they have.
 
-use serde::{Deserialize, Serialize};
-
 use super::check::points::{check_points, has_points_alone, inspect_points};
 use super::check::{
     CheckOptions, CheckedMesh, DROPPED, Defect, DefectKind, EXAMPLES, FileSize, Merge, MeshError, MeshReport, Repair,
@@ -9,29 +7,8 @@ use super::check::{
 };
 use super::numbering::{self, Numbering, nearest_vertices};
 use super::read::{Polygons, RawMesh};
+use super::report::SolidReport;
 use super::{TetMesh, TriangleMesh};
-
-/// What is known about the tetrahedra of a solid after they were checked.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-pub struct SolidReport {
-    /// Vertices, those of the surface first.
-    pub vertices: usize,
-    /// Tetrahedra.
-    pub tetrahedra: usize,
-    /// Volume, in cubed units of the input.
-    pub volume: f64,
-    /// Tetrahedra that were given inside out, and turned.
-    pub inverted: usize,
-    /// Tetrahedra too flat to have a volume; they are kept, since dropping them would open a hole, and resist nothing.
-    pub flat: usize,
-    /// Tetrahedra that repeat a vertex, or equal an earlier one; they were dropped.
-    pub dropped: usize,
-    /// Triangles that more than two tetrahedra share.
-    pub overfull_triangles: usize,
-    /// Triangles of the file; the surface is that of the tetrahedra instead. Where the two differ, defects say by what.
-    pub given_triangles: usize,
-}
 
 /// A mesh that can be used, and its inside if it has one.
 #[derive(Debug, Clone, PartialEq)]

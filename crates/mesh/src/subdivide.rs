@@ -4,6 +4,9 @@ use std::collections::HashMap;
 
 use super::TriangleMesh;
 
+/// How often a mesh may be divided: 4096 faces for each.
+pub const MOST_SUBDIVISIONS: u8 = 6;
+
 /// The same surface with four times the faces: the midpoint of each edge becomes a vertex, numbered after those that
 /// are there. `None` where there are too many vertices or faces to be numbered, or a face refers to a vertex that is
 /// not there.

@@ -144,7 +144,7 @@ fn frame_of_500_modes(bencher: Bencher) {
     let lifter = basis.lifter();
     let q: Vec<f64> = (0..COUNT).map(|k| (k as f64).cos()).collect();
     let mut out = vec![0f32; 3 * n];
-    bencher.bench_local(|| lifter.lift(&q, &mut out));
+    bencher.bench_local(|| lifter.lift(&q, &mut out).unwrap());
 }
 
 /// The lowest 100 pairs of members of a family, d = 780, on a knot of 20,000 vertices and, where `CHLADNI_MESHES` names

@@ -125,7 +125,7 @@ fn approximate(vertices: usize, pairs: usize) {
     let job = JobParameters::parse("eigenbasis", &json!({"count": pairs})).unwrap();
     let (outcome, seconds) = timed(|| job.run(&mesh, &Unwatched).unwrap());
     let stages: Vec<String> = outcome.seconds.iter().map(|(stage, seconds)| format!("{stage} {seconds:.2}")).collect();
-    let details = outcome.product.summary().details;
+    let details = outcome.product.summary().unwrap().details;
     let by = |name: &str| match &details[name] {
         serde_json::Value::Null => "the CPU".to_owned(),
         notes => notes.to_string(),

@@ -110,7 +110,7 @@ fn child(job: usize, name: &str, vertices: usize) {
     std::fs::write("/proc/self/clear_refs", "5").expect("the peak can be begun anew");
     let before = memory_line("VmRSS");
     let outcome = match parameters.run(&mesh, &Promise(promise)) {
-        Ok(outcome) => format!("{} pairs", outcome.product.summary().count),
+        Ok(outcome) => format!("{} pairs", outcome.product.summary().unwrap().count),
         Err(JobError::Cancelled(_)) => "cancelled".to_owned(),
         Err(error) => error.kind().to_owned(),
     };

@@ -7,8 +7,6 @@
 pub mod basis_comparison;
 mod choice;
 pub mod compression;
-#[macro_use]
-mod stopped;
 pub mod design;
 pub mod distances;
 mod eigenbasis;
@@ -36,7 +34,7 @@ pub mod value_gradient;
 pub mod verification;
 mod vibration_basis;
 
-use chladni_base::{Cancelled, Monitor, StageClock};
+use chladni_base::{Cancelled, Monitor, StageClock, stopped};
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::analysis::AnalysisError;
 use chladni_spectral::basis::{PARTS, Product};
@@ -58,7 +56,7 @@ pub use field_basis::{FieldBasisParameters, FieldConstruction, FieldName};
 pub use idle::{IDLE, IdleParameters};
 pub use map_collection::{MapCollectionParameters, StoredShape};
 
-use chladni_spectral::field::{DesignError, FieldError, RefineError};
+use chladni_spectral::field::{DesignError, FieldError, RefineError, SurfaceError};
 pub use operator_family::OperatorFamilyParameters;
 pub use pencil_basis::{PencilBasisParameters, ProblemSize};
 pub use provenance::{Provenance, ProvenanceError};
@@ -159,7 +157,29 @@ pub enum JobError {
     Parts(PartError),
 }
 
-stopped!(JobError: VibrationError => Vibration, HsimError => Iteration, ApproximationError => Approximation, OperatorError => Operator, DesignError => Ritz);
+stopped!(
+    JobError:
+    VibrationError => Self::Vibration,
+    HsimError => Self::Iteration,
+    ApproximationError => Self::Approximation,
+    OperatorError => Self::Operator,
+    DesignError => Self::Ritz,
+    FieldError => |error: FieldError| match error {
+        FieldError::Operator(error) => error.into(),
+        other => Self::Field(other),
+    },
+    RefineError => |error: RefineError| match error {
+        RefineError::Operator(error) => error.into(),
+        RefineError::Design(error) => error.into(),
+        other => Self::Judged(other),
+    },
+);
+
+impl From<SurfaceError> for JobError {
+    fn from(error: SurfaceError) -> Self {
+        FieldError::from(error).into()
+    }
+}
 
 impl From<PartError> for JobError {
     fn from(error: PartError) -> Self {
@@ -167,27 +187,6 @@ impl From<PartError> for JobError {
             PartError::Solver(error) => error.into(),
             PartError::Approximation(error) => error.into(),
             other => Self::Parts(other),
-        }
-    }
-}
-
-impl From<FieldError> for JobError {
-    fn from(error: FieldError) -> Self {
-        match error {
-            FieldError::Cancelled(cancelled) => Self::Cancelled(cancelled),
-            FieldError::Operator(error) => error.into(),
-            other => Self::Field(other),
-        }
-    }
-}
-
-impl From<RefineError> for JobError {
-    fn from(error: RefineError) -> Self {
-        match error {
-            RefineError::Cancelled(cancelled) => Self::Cancelled(cancelled),
-            RefineError::Operator(error) => error.into(),
-            RefineError::Design(error) => error.into(),
-            other => Self::Judged(other),
         }
     }
 }
@@ -202,7 +201,7 @@ impl JobError {
             Self::Operator(error) => error.kind(),
             Self::Approximation(error) => error.kind(),
             Self::Iteration(error) => error.kind(),
-            Self::Field(FieldError::Surface(_) | FieldError::OneSided { .. }) => "no-field-surface",
+            Self::Field(FieldError::Surface(_)) => "no-field-surface",
             Self::Field(FieldError::Parameter { .. } | FieldError::Weights { .. } | FieldError::Components { .. }) => {
                 "invalid-parameters"
             }

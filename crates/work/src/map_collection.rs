@@ -1,6 +1,6 @@
 //! The job `map_collection`: maps between all shapes of a collection, whose bases are stored.
 
-use chladni_base::{Monitor, StageClock};
+use chladni_base::{Monitor, StageClock, stopped};
 use chladni_mesh::TriangleMesh;
 use chladni_spectral::analysis::AnalysisError;
 use chladni_spectral::analysis::map_collection::{
@@ -227,14 +227,7 @@ impl Work for MapCollectionParameters {
     }
 }
 
-impl From<AnalysisError> for JobError {
-    fn from(error: AnalysisError) -> Self {
-        match error {
-            AnalysisError::Cancelled(cancelled) => Self::Cancelled(cancelled),
-            other => Self::Analysis(other),
-        }
-    }
-}
+stopped!(JobError: AnalysisError => Self::Analysis);
 
 impl JobError {
     /// Whether another attempt may succeed: columns of a basis could not be read from where they are kept.

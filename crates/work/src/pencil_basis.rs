@@ -1,6 +1,6 @@
 //! The job `pencil_basis`: eigenpairs of matrices that someone else assembled.
 
-use chladni_base::{Monitor, StageClock};
+use chladni_base::{Monitor, StageClock, stopped};
 use chladni_mesh::TriangleMesh;
 use chladni_spectral::basis::{PENCIL, Precision, Product};
 use chladni_spectral::spectrum::hsim;
@@ -296,15 +296,10 @@ impl Work for PencilBasisParameters {
     }
 }
 
-impl From<PencilError> for JobError {
-    fn from(error: PencilError) -> Self {
-        match error {
-            PencilError::Cancelled(cancelled) => Self::Cancelled(cancelled),
-            PencilError::Solve(error) => error.into(),
-            other => Self::Pencil(other),
-        }
-    }
-}
+stopped!(JobError: PencilError => |error: PencilError| match error {
+    PencilError::Solve(error) => error.into(),
+    other => Self::Pencil(other),
+});
 
 #[cfg(test)]
 mod tests {

@@ -4,6 +4,7 @@ use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::TriangleMesh;
 use chladni_spectral::analysis::sound::{Listening, Sound, listen};
 use chladni_spectral::analysis::vibration::{Damping, Load, ModeState, Motion, SimulationError, check_times, in_modes};
+use chladni_spectral::basis::BasisError;
 use chladni_spectral::basis::modal::{FIXED, ModalBasis};
 use serde::{Deserialize, Serialize};
 
@@ -234,6 +235,9 @@ pub enum SimulationFault {
     /// A load, a damping, a time or a sound does not fit.
     #[error(transparent)]
     Simulation(#[from] SimulationError),
+    /// The modes cannot be lifted.
+    #[error(transparent)]
+    Basis(#[from] BasisError),
     /// It was asked to stop.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
@@ -360,7 +364,7 @@ impl SimulateRequest {
                 take(Frame::State(positions, state.iter().map(|mode| mode.velocity).collect()), energy);
                 continue;
             }
-            lifter.lift(&positions, &mut whole);
+            lifter.lift(&positions, &mut whole)?;
             if !whole.iter().all(|x| x.is_finite()) {
                 return Err(overflow.into());
             }

@@ -189,7 +189,10 @@ async fn design(
             let matching = designed.exact.map(|exact| exact.matching);
             let found = match sought {
                 false => None,
-                true => matched_singularities(surface, kind, &field, matching.as_deref().unwrap_or_default()),
+                true => {
+                    let matching = matching.as_deref().unwrap_or_default();
+                    Some(matched_singularities(surface, kind, &field, matching).map_err(Problem::internal)?)
+                }
             };
             let rows = some.as_deref().map_or(to.faces(surface.faces()), Vec::len);
             let written = |form: Form| match (&some, part) {

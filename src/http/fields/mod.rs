@@ -24,7 +24,7 @@ mod stored;
 mod stored_wire;
 mod transport;
 
-pub use cache::{FieldCache, kept};
+pub use cache::kept;
 
 use chladni_spectral::field::{DesignError, FieldError, PrescribedError, RefineError, StreamlineError};
 use chladni_work::design::DesignFault;
@@ -50,9 +50,7 @@ impl From<FieldError> for Problem {
     fn from(error: FieldError) -> Self {
         let text = super::convert::sentence(&error);
         match error {
-            FieldError::Surface(_) | FieldError::OneSided { .. } | FieldError::Operator(_) => {
-                Self::new(&problem::NO_FIELD_SURFACE, text)
-            }
+            FieldError::Surface(_) | FieldError::Operator(_) => Self::new(&problem::NO_FIELD_SURFACE, text),
             other => Self::internal(other),
         }
     }
@@ -70,7 +68,7 @@ impl From<DesignError> for Problem {
             DesignError::Direction { .. } => "direction",
             DesignError::Contradiction { .. } => "contradiction",
             DesignError::Dependent { .. } => "dependent",
-            DesignError::Length { .. } => "length",
+            DesignError::Length { .. } | DesignError::Misfit(_) => "length",
             _ => return Self::internal(error),
         };
         let face = match error {

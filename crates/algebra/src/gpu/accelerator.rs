@@ -10,7 +10,8 @@ use super::GpuChoice;
 use super::engine::Engine;
 use super::error::GpuError;
 use crate::DenseMatrix;
-use crate::eigen::{ComputedOn, EigenError, EigenPairs, Pencil, SymmetricDefiniteSolver};
+use crate::EigenError;
+use crate::eigen::{ComputedOn, EigenPairs, Pencil, SymmetricDefiniteSolver};
 
 /// How often a device that failed is opened again, in the life of a process.
 const REOPENINGS: i64 = 3;

@@ -7,7 +7,7 @@
 //! the problem restricted to `X` in f64. Clusters and multiple values among the wanted ones need nothing special, since
 //! that last problem is dense.
 
-use chladni_base::{Monitor, Quiet};
+use chladni_base::{Monitor, Quiet, stopped};
 
 use super::device::Device;
 use super::error::GpuError;
@@ -16,8 +16,8 @@ use super::multiply::{Form, multiply};
 use super::recorder::Recorder;
 use super::solver::upload_symmetric;
 use super::tridiagonal::{WIDE_BLOCK, back, block_factors, reduce};
-use crate::DenseMatrix;
-use crate::eigen::{CpuSolver, EigenError, SymmetricDefiniteSolver, from_standard, to_standard, tridiagonal_lowest};
+use crate::eigen::{CpuSolver, SymmetricDefiniteSolver, from_standard, to_standard, tridiagonal_lowest};
+use crate::{DenseMatrix, EigenError, dot_in_order};
 
 /// The relative residual at which refinement ends.
 const GOAL: f64 = 1e-13;
@@ -52,7 +52,7 @@ pub(super) fn lowest(
     monitor: &dyn Monitor,
 ) -> Result<(Vec<f64>, DenseMatrix), GpuError> {
     let mut c = a.clone();
-    to_standard(&mut c, l).map_err(on_cpu)?;
+    to_standard(&mut c, l)?;
     mirror(&mut c);
     monitor.progress(0.1);
     monitor.checkpoint()?;
@@ -64,13 +64,8 @@ pub(super) fn lowest(
     Ok((values, vectors))
 }
 
-/// What the CPU's part did not do.
-fn on_cpu(error: EigenError) -> GpuError {
-    match error {
-        EigenError::Cancelled(cancelled) => GpuError::Cancelled(cancelled),
-        _ => GpuError::NotRefined { residual: f64::INFINITY },
-    }
-}
+// What the CPU's part did not do was not refined.
+stopped!(GpuError: EigenError => |_| Self::NotRefined { residual: f64::INFINITY });
 
 /// Copies the lower triangle to the upper one.
 fn mirror(c: &mut DenseMatrix) {
@@ -108,8 +103,7 @@ impl<'a> Rough<'a> {
         let tridiagonal = reduce(recorder, &reflectors, &|done| monitor.progress(0.1 + 0.3 * done))?;
         let factors = if d > 1 { Some(block_factors(recorder, &reflectors, &tridiagonal.tau)?) } else { None };
         monitor.checkpoint()?;
-        let (mut values, z) =
-            tridiagonal_lowest(&tridiagonal.diagonal, &tridiagonal.off_diagonal, d).map_err(on_cpu)?;
+        let (mut values, z) = tridiagonal_lowest(&tridiagonal.diagonal, &tridiagonal.off_diagonal, d)?;
         values.iter_mut().for_each(|value| *value /= scale);
         monitor.progress(0.6);
         monitor.checkpoint()?;
@@ -201,7 +195,7 @@ fn refine(
     // to go before.
     let mut y = c.times(&x);
     let mut theta: Vec<f64> =
-        (0..kept).map(|k| dot(x.column(k), y.column(k)) / dot(x.column(k), x.column(k))).collect();
+        (0..kept).map(|k| dot_in_order(x.column(k), y.column(k)) / dot_in_order(x.column(k), x.column(k))).collect();
     let mut worst = f64::INFINITY;
     for step in 0..MOST_STEPS {
         monitor.detail(&format!("refinement, step {step}"));
@@ -220,7 +214,7 @@ fn refine(
         y = c.times(&x);
         let stiffness = x.transposed_times(&y);
         let mass = x.transposed_times(&x);
-        let pairs = CpuSolver.lowest(stiffness, mass, kept, &Quiet(monitor)).map_err(on_cpu)?;
+        let pairs = CpuSolver.lowest(stiffness, mass, kept, &Quiet(monitor))?;
         x = x.times(&pairs.vectors);
         y = y.times(&pairs.vectors);
         theta = pairs.values;
@@ -241,10 +235,6 @@ fn subtract_scaled(y: &mut DenseMatrix, x: &DenseMatrix, theta: &[f64]) {
     }
 }
 
-fn dot(x: &[f64], y: &[f64]) -> f64 {
-    x.iter().zip(y).map(|(x, y)| x * y).sum()
-}
-
 fn norm(x: &[f64]) -> f64 {
-    dot(x, x).sqrt()
+    dot_in_order(x, x).sqrt()
 }

@@ -39,7 +39,7 @@ impl Numbering {
         let count = |k: usize| usize::try_from(u64::from_le_bytes(words[k])).ok();
         let (file, kept, inner) = ([count(0)?, count(1)?], [count(2)?, count(3)?], count(4)?);
         let [has_vertices, has_faces, subdivisions, assumed, ..] = words[5];
-        if kept[1] != faces.len() || body.len() % 4 != 0 || subdivisions > crate::check::MOST_SUBDIVISIONS {
+        if kept[1] != faces.len() || body.len() % 4 != 0 || subdivisions > subdivide::MOST_SUBDIVISIONS {
             return None;
         }
         let mut numbers = body.as_chunks::<4>().0.iter().map(|&word| u32::from_le_bytes(word));

@@ -10,7 +10,7 @@ use chladni_base::{Cancelled, Monitor};
 
 pub use farthest::{extend_farthest_points, farthest_points};
 pub use lloyd::{NO_CELL, lloyd, voronoi_cells};
-pub use order::{sort_spatially, spatial_order};
+pub use order::{faces_along_curve, sort_spatially, spatial_order};
 pub use poisson::poisson_disk;
 
 use super::TriangleMesh;

@@ -14,6 +14,22 @@ pub fn sort_spatially(mesh: &TriangleMesh, samples: &mut [u32]) {
     samples.sort_by_cached_key(|&v| (code(v), v));
 }
 
+/// The faces of a mesh in the order of such a curve through their barycentres.
+pub fn faces_along_curve(mesh: &TriangleMesh) -> Vec<u32> {
+    let centres = TriangleMesh {
+        positions: mesh
+            .faces
+            .iter()
+            .map(|f| [0, 1, 2].map(|i| f.iter().map(|&v| mesh.positions[v as usize][i]).sum::<f64>() / 3.0))
+            .collect(),
+        faces: Vec::new(),
+        ..Default::default()
+    };
+    let mut order: Vec<u32> = (0..mesh.faces.len() as u32).collect();
+    sort_spatially(&centres, &mut order);
+    order
+}
+
 /// Sorts points in the same way; those on one place of the curve by their coordinates, so that the order follows from
 /// the positions alone as long as they differ.
 pub fn spatial_order(positions: &[[f64; 3]], points: &mut [u32]) {

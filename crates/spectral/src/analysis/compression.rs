@@ -59,7 +59,7 @@ pub struct Compressed {
 /// Compresses `k` functions, `n × k`, to their first `pairs` coefficients, of which the largest gets `bits` bits.
 ///
 /// # Errors
-/// [`AnalysisError`] names a count out of its range; functions that do not fit the basis.
+/// [`AnalysisError`] names a count out of its range; functions that do not fit the basis; bytes that could not be compressed.
 pub fn compress(basis: &Basis, functions: &DenseMatrix, pairs: usize, bits: u32) -> Result<Compressed, AnalysisError> {
     error::count("pairs", pairs, 1, basis.count())?;
     error::count("bits", bits as usize, 2, MOST_BITS as usize)?;
@@ -96,7 +96,7 @@ pub fn compress(basis: &Basis, functions: &DenseMatrix, pairs: usize, bits: u32)
     }
     let reconstruction = evaluated(&coefficients)?;
     let sizes = [pairs, functions.columns(), basis.vertices()];
-    let bytes = pack(&rounded, sizes, step, means.as_deref());
+    let bytes = pack(&rounded, sizes, step, means.as_deref())?;
     Ok(Compressed {
         step,
         nonzeros: rounded.iter().filter(|&&value| value != 0).count(),
@@ -167,16 +167,16 @@ fn errors(basis: &Basis, functions: &DenseMatrix, other: &DenseMatrix) -> Result
     Ok(norms.map(|(lost, size)| if lost == 0.0 || size == 0.0 { 0.0 } else { lost / size }).collect())
 }
 
-fn pack(values: &[i32], sizes: [usize; 3], step: f64, means: Option<&[f64]>) -> Vec<u8> {
+fn pack(values: &[i32], sizes: [usize; 3], step: f64, means: Option<&[f64]>) -> Result<Vec<u8>, AnalysisError> {
     let mut bytes = MAGIC.to_vec();
     bytes.extend(if means.is_some() { WITH_MEANS } else { BARE }.to_le_bytes());
     sizes.iter().for_each(|&size| bytes.extend((size as u32).to_le_bytes()));
     bytes.extend(step.to_le_bytes());
     means.into_iter().flatten().for_each(|mean| bytes.extend(mean.to_le_bytes()));
     let planes = planes(values);
-    // Into memory, zstd fails only where there is none.
-    bytes.extend(zstd::bulk::compress(&planes, LEVEL).unwrap_or_default());
-    bytes
+    let refused = |error: std::io::Error| AnalysisError::Compression { bytes: planes.len(), reason: error.to_string() };
+    bytes.extend(zstd::bulk::compress(&planes, LEVEL).map_err(refused)?);
+    Ok(bytes)
 }
 
 /// Bytes of zigzagged values, lowest bytes first.

@@ -1,7 +1,7 @@
 //! Why something was not computed in a basis.
 
 use chladni_algebra::{DefiniteError, EigenError, FactorError};
-use chladni_base::Cancelled;
+use chladni_base::{Cancelled, stopped};
 
 use crate::basis::{Basis, BasisError};
 use crate::operator::OperatorError;
@@ -139,18 +139,26 @@ pub enum AnalysisError {
         /// What is wrong.
         reason: &'static str,
     },
+    /// The compressor failed, which into memory it does where there is none.
+    #[error("{bytes} bytes of rounded coefficients were not compressed: {reason}")]
+    Compression {
+        /// How many.
+        bytes: usize,
+        /// What the compressor said.
+        reason: String,
+    },
     /// A dense eigenproblem failed.
     #[error("a small eigenproblem could not be solved: {0}")]
-    Eigen(#[from] EigenError),
+    Eigen(EigenError),
     /// A least-squares problem failed.
     #[error("a small system could not be solved: {0}")]
     System(#[from] DefiniteError),
     /// A sparse matrix was not factored.
     #[error(transparent)]
-    Factor(#[from] FactorError),
+    Factor(FactorError),
     /// The operator cannot be made.
     #[error(transparent)]
-    Operator(#[from] OperatorError),
+    Operator(OperatorError),
     /// It was asked to stop.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
@@ -169,6 +177,13 @@ fn counted(what: &str, found: usize, least: usize, most: usize) -> String {
     };
     format!("{number}{what} must be {range}, got {found}")
 }
+
+stopped!(
+    AnalysisError:
+    EigenError => Self::Eigen,
+    FactorError => Self::Factor,
+    OperatorError => Self::Operator,
+);
 
 impl AnalysisError {
     /// Names what kind of vertex it is that a basis does not have.

@@ -94,7 +94,7 @@ fn momentum_moves_the_whole_object_as_newton_says() {
     let mut lifted = vec![0f32; 3 * basis.vertices()];
     let mut centre = |time: f64| -> [f64; 3] {
         let q: Vec<f64> = motion.at(time).iter().map(|state| state.position).collect();
-        basis.lifter().lift(&q, &mut lifted);
+        basis.lifter().lift(&q, &mut lifted).unwrap();
         std::array::from_fn(|axis| {
             let moments = basis.masses.iter().enumerate().map(|(v, m)| m * f64::from(lifted[3 * v + axis]));
             moments.sum::<f64>() / total
@@ -136,8 +136,8 @@ fn simulation_errors(exact: &ModalBasis, approximate: &ModalBasis, rest: &[[f64;
     for frame in 1..=100 {
         let time = 1e-3 * f64::from(frame);
         let q = |motion: &Motion| -> Vec<f64> { motion.at(time).iter().map(|state| state.position).collect() };
-        exact.lifter().lift(&q(&a), &mut x);
-        approximate.lifter().lift(&q(&b), &mut y);
+        exact.lifter().lift(&q(&a), &mut x).unwrap();
+        approximate.lifter().lift(&q(&b), &mut y).unwrap();
         let (mut wrong, mut whole, mut moved) = (0.0, 0.0, 0.0);
         for (v, position) in rest.iter().enumerate() {
             for axis in 0..3 {
@@ -238,7 +238,7 @@ fn weight_accelerates_every_vertex_alike() {
     let mut out = vec![0f32; 3 * basis.vertices()];
     for (time, fallen) in [(0.5, 0.0), (1.0, 9.81 / 8.0), (2.5, 9.81 * (0.5 + 1.0))] {
         let q: Vec<f64> = motion.at(time).iter().map(|state| state.position).collect();
-        basis.lifter().lift(&q, &mut out);
+        basis.lifter().lift(&q, &mut out).unwrap();
         for moved in out.as_chunks::<3>().0 {
             assert!(
                 moved[0].abs() < 1e-3 && moved[1].abs() < 1e-3 && (f64::from(moved[2]) + fallen).abs() < 1e-3,
@@ -254,7 +254,7 @@ fn initial_vectors_are_projected_and_what_no_mode_holds_is_told() {
     let basis = modes(&mesh, 20, HSIM);
     let mut out = vec![0f32; 3 * basis.vertices()];
     let wanted: Vec<f64> = (0..20).map(|k| 0.3 * (k as f64).cos()).collect();
-    basis.lifter().lift(&wanted, &mut out);
+    basis.lifter().lift(&wanted, &mut out).unwrap();
     let vectors: Vec<[f64; 3]> = out.as_chunks::<3>().0.iter().map(|v| v.map(f64::from)).collect();
     let (found, lost) = in_modes(&basis, &vectors).unwrap();
     assert!(lost < 2e-3 && found.iter().zip(&wanted).all(|(a, b)| (a - b).abs() < 1e-4), "{lost}");
@@ -315,7 +315,7 @@ fn what_held_vertices_are_given_is_left_out_and_counts_by_its_mass() {
         let whole = vec![[0.0, 0.0, 1.0]; n];
         let (modal, lost) = in_modes(&basis, &whole).unwrap();
         let mut lifted = vec![0f32; 3 * n];
-        basis.lifter().lift(&modal, &mut lifted);
+        basis.lifter().lift(&modal, &mut lifted).unwrap();
         let rest: f64 = (0..3 * n).map(|i| masses[i / 3] * (whole[i / 3][i % 3] - f64::from(lifted[i])).powi(2)).sum();
         let expected = (rest / masses.iter().sum::<f64>()).sqrt();
         assert!((lost / expected - 1.0).abs() < 1e-3, "{lost} {expected}");

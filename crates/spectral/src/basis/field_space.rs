@@ -27,6 +27,57 @@ pub struct FieldSpace {
 #[error("the parts of a field space do not fit: {0}")]
 pub struct SpaceError(pub &'static str);
 
+/// Why numbers, or what refers to a surface, do not fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum FieldMisfit {
+    /// There are more or fewer numbers than there should be.
+    #[error("{found} {what} where {expected} are due")]
+    Numbers {
+        /// What they are.
+        what: &'static str,
+        /// How many there are.
+        found: usize,
+        /// How many there should be.
+        expected: usize,
+    },
+    /// There is no such face.
+    #[error("item {place} of the faces is {face}, of {faces}")]
+    Face {
+        /// Where it stands among those asked for.
+        place: usize,
+        /// What was asked for.
+        face: u32,
+        /// The number of faces.
+        faces: usize,
+    },
+    /// There is no such edge.
+    #[error("item {place} of the matching is of edge {edge}, of {edges}")]
+    Edge {
+        /// Where it stands in the matching.
+        place: usize,
+        /// The edge.
+        edge: u32,
+        /// The number of edges.
+        edges: usize,
+    },
+    /// The two eigendirections of a tensor are `n` directions for even `n` only.
+    #[error("eigendirections make n-fields with even n, not with n = {n}")]
+    Directions {
+        /// What `n` is.
+        n: u32,
+    },
+    /// A length or an angle is none.
+    #[error("length and tilt must be finite numbers, and the full length greater than 0")]
+    Strands,
+}
+
+impl FieldMisfit {
+    /// Refuses other than `expected` numbers.
+    pub(crate) fn check(what: &'static str, found: usize, expected: usize) -> Result<(), Self> {
+        if found == expected { Ok(()) } else { Err(Self::Numbers { what, found, expected }) }
+    }
+}
+
 impl FieldSpace {
     /// A space from its parts: `offsets` (`F + 1`) say where the entries of each face begin, `group_of` is ascending
     /// within a face, `values` holds `block²` numbers for each entry, `dense` columns of `block · F` numbers.
@@ -175,11 +226,12 @@ impl FieldSpace {
         }
     }
 
-    /// `U x` in single precision: `block` numbers for each face. `None` unless `x` has `d` numbers.
-    pub fn lift(&self, x: &[f32]) -> Option<Vec<f32>> {
-        if x.len() != self.dimension() {
-            return None;
-        }
+    /// `U x` in single precision: `block` numbers for each face.
+    ///
+    /// # Errors
+    /// [`FieldMisfit::Numbers`] unless `x` has `d` numbers.
+    pub fn lift(&self, x: &[f32]) -> Result<Vec<f32>, FieldMisfit> {
+        FieldMisfit::check("coefficients", x.len(), self.dimension())?;
         let mut field = vec![0f32; self.block * self.faces()];
         match self.block {
             2 => self.lift_blocks::<2, 4>(x, &mut field),
@@ -192,14 +244,17 @@ impl FieldSpace {
                 });
             }
         }
-        Some(field)
+        Ok(field)
     }
 
-    /// The rows of some faces of `U x`: `block` numbers for each, in their order. `None` unless `x` has `d` numbers and
-    /// all faces are there.
-    pub fn lift_faces(&self, x: &[f32], faces: &[u32]) -> Option<Vec<f32>> {
-        if x.len() != self.dimension() || faces.iter().any(|&face| face as usize >= self.faces()) {
-            return None;
+    /// The rows of some faces of `U x`: `block` numbers for each, in their order.
+    ///
+    /// # Errors
+    /// [`FieldMisfit::Numbers`] unless `x` has `d` numbers, [`FieldMisfit::Face`] names a face that is not there.
+    pub fn lift_faces(&self, x: &[f32], faces: &[u32]) -> Result<Vec<f32>, FieldMisfit> {
+        FieldMisfit::check("coefficients", x.len(), self.dimension())?;
+        if let Some(place) = faces.iter().position(|&face| face as usize >= self.faces()) {
+            return Err(FieldMisfit::Face { place, face: faces[place], faces: self.faces() });
         }
         let b = self.block;
         let mut field = vec![0f32; b * faces.len()];
@@ -210,7 +265,7 @@ impl FieldSpace {
             });
             own.iter_mut().zip(sum).for_each(|(own, sum)| *own = sum as f32);
         });
-        Some(field)
+        Ok(field)
     }
 
     /// `BB` is `B²`.

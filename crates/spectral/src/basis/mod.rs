@@ -22,7 +22,7 @@ pub(crate) use dense::Visit;
 pub use dense::{CHUNK_COLUMNS, ColumnChunk, ColumnError, ColumnSource, DenseFunctions, Precision, Real};
 pub use evaluate::BasisError;
 pub use field::{FieldBasis, RitzFields, StoredFields};
-pub use field_space::{FieldSpace, SpaceError};
+pub use field_space::{FieldMisfit, FieldSpace, SpaceError};
 pub use maps::{CycleErrors, MAP_COLLECTION, StoredMap, StoredMaps, ordered_pairs};
 pub(crate) use part::SHARED;
 pub use part::{

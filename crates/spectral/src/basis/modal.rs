@@ -208,11 +208,19 @@ impl<'a> ModalLifter<'a> {
         Self { basis, coefficients }
     }
 
-    /// The displacements of all vertices, three numbers each, in the state with the `m` coordinates `q`; coordinates
-    /// that are not there count as zero. On the threads of the pool it is called from.
-    pub fn lift(&self, q: &[f64], out: &mut [f32]) {
+    /// The displacements of all vertices, three numbers each, in the state with the `m` coordinates `q`. On the threads of
+    /// the pool it is called from.
+    ///
+    /// # Errors
+    /// [`BasisError::Rows`] unless there are `m` coordinates and room for three numbers of each vertex.
+    pub fn lift(&self, q: &[f64], out: &mut [f32]) -> Result<(), BasisError> {
         let basis = self.basis;
         let (m, n) = (basis.count(), basis.vertices());
+        for (found, expected) in [(q.len(), m), (out.len(), 3 * n)] {
+            if found != expected {
+                return Err(BasisError::Rows { found, expected });
+            }
+        }
         let whole: Vec<f32> = (0..basis.affine.rows())
             .map(|row| {
                 q.iter().take(m).enumerate().map(|(mode, q)| q * basis.affine.column(mode)[row]).sum::<f64>() as f32
@@ -271,6 +279,7 @@ impl<'a> ModalLifter<'a> {
                 });
             }
         }
+        Ok(())
     }
 
     /// `φ̄ q`, three numbers and a zero for each column of the space.

@@ -119,8 +119,11 @@ impl Product {
     }
 
     /// What its record shows.
-    pub fn summary(&self) -> Summary {
-        let mut summary = self.own_summary();
+    ///
+    /// # Errors
+    /// A certificate that cannot be put as JSON.
+    pub fn summary(&self) -> Result<Summary, serde_json::Error> {
+        let mut summary = self.own_summary()?;
         if let (Self::Eigenbasis(_), Some(parts)) = (self, self.metadata().get(PARTS)) {
             summary.details[PARTS] = parts.clone();
         }
@@ -129,7 +132,7 @@ impl Product {
                 summary.details[name] = list.clone();
             }
         }
-        summary
+        Ok(summary)
     }
 
     /// The identifier of the mesh that it lives on, where that is known.
@@ -148,15 +151,15 @@ impl Product {
         }
     }
 
-    fn own_summary(&self) -> Summary {
-        match self {
+    fn own_summary(&self) -> Result<Summary, serde_json::Error> {
+        Ok(match self {
             Self::Eigenbasis(basis) | Self::PencilBasis(basis) => Summary {
                 rows: basis.vertices(),
                 dimension: basis.dimension(),
                 count: basis.count(),
                 nonzeros: basis.compact().map(|compact| compact.space.entries()),
                 eigenvalues: basis.eigenvalues.clone(),
-                certificate: serde_json::to_value(&basis.certificate).unwrap_or_default(),
+                certificate: serde_json::to_value(&basis.certificate)?,
                 operator: basis.metadata["operator"].clone(),
                 details: match self {
                     Self::PencilBasis(_) => {
@@ -175,7 +178,7 @@ impl Product {
                     count: eigenvalues.len(),
                     nonzeros: Some(space.values().len() + space.dense().iter().map(Vec::len).sum::<usize>()),
                     eigenvalues,
-                    certificate: fields.metadata.get("certificate").cloned().unwrap_or_default(),
+                    certificate: fields.metadata["certificate"].clone(),
                     operator: Value::Null,
                     details: json!({
                         "field": fields.basis.kind,
@@ -234,7 +237,7 @@ impl Product {
                 dense_bytes: part.content().len() as u64,
                 ..Summary::default()
             },
-        }
+        })
     }
 
     /// Adds members to what is told of how the product was made; not to a part, which says of itself what the join
@@ -412,7 +415,7 @@ mod tests {
             assert_eq!(Product::read_npz(product.kind(), &bytes).unwrap(), product);
             assert_eq!(bytes, write());
             assert_eq!(ProductKind::of_name(product.kind().name()), Some(product.kind()));
-            let summary = product.summary();
+            let summary = product.summary().unwrap();
             assert_eq!((summary.eigenvalues.len(), summary.rows > 0), (summary.count, true));
             for cut in (0..bytes.len()).step_by(97) {
                 assert!(Product::read_npz(product.kind(), &bytes[..cut]).is_err(), "{cut}");

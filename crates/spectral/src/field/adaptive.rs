@@ -11,7 +11,8 @@ use crate::operator::hodge::FieldBoundary;
 use crate::operator::tangential::FieldOperator;
 use crate::operator::transport::FieldKind;
 
-use super::basis::{FieldError, FieldSurface};
+use super::basis::FieldError;
+use super::surface::FieldSurface;
 
 /// The smallest weight as a share of the largest: columns grow by no more than the inverse.
 const LEAST: f64 = 0.1;
@@ -65,7 +66,7 @@ fn laplacians<const B: usize>(
     let mut squares = vec![0.0; surface.faces()];
     for field in examples {
         monitor.checkpoint()?;
-        let size = operator.norm_squared(field);
+        let size = operator.norm_squared(field)?;
         let image = operator.stiffness.multiply(field);
         for ((square, own), mass) in squares.iter_mut().zip(image.chunks_exact(B)).zip(&operator.mass) {
             *square += own.iter().map(|v| (v / mass).powi(2)).sum::<f64>() / size.max(f64::MIN_POSITIVE);

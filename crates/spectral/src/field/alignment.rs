@@ -2,20 +2,21 @@
 
 use std::sync::Arc;
 
-use chladni_algebra::{FactorError, GalerkinError, SparseMatrix};
+use chladni_algebra::{FactorError, SparseMatrix};
 use chladni_base::Unwatched;
 
 use crate::basis::FieldBasis;
 use crate::operator::frames::{Planar, normalise};
 use crate::operator::transport::FieldKind;
 
-use super::basis::{FieldSurface, restricted};
+use super::basis::restricted;
 use super::design::{Constraint, DesignError, DesignModel, EnergyWeights, FIRM, Hold, length};
 use super::nearby::{LastFactor, Nearby};
 use super::pencil::Pencil;
 use super::prescribed::PrescribedField;
 use super::reading::tensor_deviator;
 use super::singularity::Matching;
+use super::surface::FieldSurface;
 
 /// A field to stay close to, projected once: `Σ_f a_f w_f |u_f − target_f|²` with areas `a` and weights `w` per face.
 #[derive(Debug, Clone, PartialEq)]
@@ -94,13 +95,7 @@ impl DesignModel {
         let reduced = basis.space.transposed_times(&weighted);
         let masses = weights.map(|_| Arc::new((0..faces).map(weight).collect::<Vec<f64>>()));
         let gram = match &masses {
-            Some(masses) => {
-                let gram = restricted(&basis.space, masses, &Unwatched).map_err(|error| match error {
-                    GalerkinError::Cancelled(cancelled) => DesignError::Cancelled(cancelled),
-                    other => DesignError::Products(other),
-                })?;
-                Some(Arc::new(gram))
-            }
+            Some(masses) => Some(Arc::new(restricted(&basis.space, masses, &Unwatched)?)),
             None => None,
         };
         let new = || Arc::new(Pencil::new(basis));

@@ -1,14 +1,12 @@
 //! A basis of locally supported fields: what is asked for, and the way from a mesh to it.
 
 use chladni_algebra::{BlockMatrix, GalerkinError, MassMatrix, SparseMatrix, galerkin};
-use chladni_base::{Cancelled, Monitor};
+use chladni_base::{Cancelled, Monitor, stopped};
 use chladni_mesh::TriangleMesh;
-use chladni_mesh::dual::{DualError, DualGraph, OneSided};
-use chladni_mesh::sample::{farthest_points, sort_spatially};
+use chladni_mesh::sample::{faces_along_curve, farthest_points};
 
 use crate::basis::{FieldBasis, FieldSpace};
 use crate::operator::OperatorError;
-use crate::operator::frames::FaceFrames;
 use crate::operator::hodge::FieldBoundary;
 use crate::operator::tangential::{FieldOperator, check_kind};
 use crate::operator::transport::FieldKind;
@@ -17,59 +15,11 @@ use super::cover::cover;
 use super::harmonic::{HarmonicError, harmonic_fields};
 use super::heat::{self, FieldHeat};
 use super::local::{self, LocalEigenfields};
-use super::poisson::PoissonError;
 use super::space::from_columns;
+use super::surface::{FieldSurface, SurfaceError};
 
 /// Why vector fields do not live on surfaces with one side.
 pub(crate) const HODGE: &str = "\"vector\" fields use the Hodge–Laplacian, whose curl needs an oriented surface; \"n_vector\" fields with \"n\": 1 do not:";
-
-/// A surface that fields can live on: a mesh, its dual graph and its frames.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FieldSurface {
-    mesh: TriangleMesh,
-    dual: DualGraph,
-    frames: FaceFrames,
-}
-
-impl FieldSurface {
-    /// Builds graph and frames.
-    ///
-    /// # Errors
-    /// [`FieldError`] names the edge or vertex where the mesh is no manifold, or what else is wrong with it.
-    pub fn new(mesh: TriangleMesh) -> Result<Self, FieldError> {
-        let dual = DualGraph::new(&mesh)?;
-        let frames = FaceFrames::new(&mesh)?;
-        Ok(Self { mesh, dual, frames })
-    }
-
-    /// The mesh.
-    pub fn mesh(&self) -> &TriangleMesh {
-        &self.mesh
-    }
-
-    /// Who is next to whom.
-    pub fn dual(&self) -> &DualGraph {
-        &self.dual
-    }
-
-    /// A frame in every face.
-    pub fn frames(&self) -> &FaceFrames {
-        &self.frames
-    }
-
-    /// The number of faces.
-    pub fn faces(&self) -> usize {
-        self.mesh.faces.len()
-    }
-
-    /// Whether all faces agree about the sides of the surface, which `what` needs.
-    ///
-    /// # Errors
-    /// [`FieldError::OneSided`] names the first edge where they do not.
-    pub fn sides(&self, what: &'static str) -> Result<(), FieldError> {
-        self.dual.oriented().map_err(|at| FieldError::OneSided { what, at })
-    }
-}
 
 /// How a basis is constructed.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -135,20 +85,12 @@ impl FieldParameters {
 /// Why there is no basis.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FieldError {
-    /// The mesh is no manifold.
+    /// The mesh is no surface that fields can live on, or has no sides where they are needed.
     #[error(transparent)]
-    Surface(#[from] DualError),
-    /// The surface has one side, or its faces do not agree about two.
-    #[error("{what} {at}")]
-    OneSided {
-        /// What needs sides, and that it does.
-        what: &'static str,
-        /// Where they do not agree.
-        at: OneSided,
-    },
+    Surface(SurfaceError),
     /// The mesh has no operator.
     #[error(transparent)]
-    Operator(#[from] OperatorError),
+    Operator(OperatorError),
     /// A parameter is out of its range.
     #[error("parameter {name} must be between {least} and {most}, got {value}")]
     Parameter {
@@ -202,23 +144,21 @@ pub enum FieldError {
     Cancelled(#[from] Cancelled),
 }
 
-impl From<GalerkinError> for FieldError {
-    fn from(error: GalerkinError) -> Self {
+impl From<SurfaceError> for FieldError {
+    fn from(error: SurfaceError) -> Self {
         match error {
-            GalerkinError::Cancelled(cancelled) => Self::Cancelled(cancelled),
-            other => Self::Restriction(other),
+            SurfaceError::Frames(operator) => operator.into(),
+            other => Self::Surface(other),
         }
     }
 }
 
-impl From<HarmonicError> for FieldError {
-    fn from(error: HarmonicError) -> Self {
-        match error {
-            HarmonicError::Poisson(PoissonError::Cancelled(cancelled)) => Self::Cancelled(cancelled),
-            other => Self::Harmonic(other),
-        }
-    }
-}
+stopped!(
+    FieldError:
+    OperatorError => Self::Operator,
+    GalerkinError => Self::Restriction,
+    HarmonicError => Self::Harmonic,
+);
 
 /// Constructs a basis.
 ///
@@ -261,7 +201,7 @@ fn check(surface: &FieldSurface, parameters: &FieldParameters) -> Result<(), Fie
         }
     }
     let groups = parameters.dimension.div_ceil(block);
-    let (_, components) = surface.dual.components();
+    let (_, components) = surface.dual().components();
     if components > groups {
         return Err(FieldError::Components { components, groups });
     }
@@ -275,15 +215,20 @@ fn build<const B: usize>(
 ) -> Result<FieldBasis, FieldError> {
     monitor.stage("operator");
     // Faces in the order of a space-filling curve: every later pass works on nearby memory.
-    let order = spatial_order(&surface.mesh);
+    let order = faces_along_curve(surface.mesh());
     let sorted = TriangleMesh {
-        positions: surface.mesh.positions.clone(),
-        faces: order.iter().map(|&f| surface.mesh.faces[f as usize]).collect(),
+        positions: surface.mesh().positions.clone(),
+        faces: order.iter().map(|&f| surface.mesh().faces[f as usize]).collect(),
         ..Default::default()
     };
     let local = FieldSurface::new(sorted)?;
-    let operator =
-        FieldOperator::<B>::assemble(parameters.field, &local.mesh, &local.dual, &local.frames, parameters.boundary)?;
+    let operator = FieldOperator::<B>::assemble(
+        parameters.field,
+        local.mesh(),
+        local.dual(),
+        local.frames(),
+        parameters.boundary,
+    )?;
     monitor.checkpoint()?;
     // Harmonic fields as they are stored, in single precision: the restricted matrices are those of the stored columns.
     let harmonic: Vec<Vec<f32>> = match parameters.field {
@@ -299,21 +244,21 @@ fn build<const B: usize>(
         let sorted: Vec<f64> = order.iter().map(|&f| weights[f as usize]).collect();
         // Only ratios matter: with a root mean square of 1 the disks cover the surface as often as without weights.
         let square: f64 = sorted.iter().zip(operator.mass.iter()).map(|(w, m)| m * w * w).sum();
-        local.dual.weighted(&sorted.iter().map(|w| w / square.sqrt()).collect::<Vec<f64>>())
+        local.dual().weighted(&sorted.iter().map(|w| w / square.sqrt()).collect::<Vec<f64>>())
     });
-    let distances = weighted.as_ref().unwrap_or(&local.dual);
+    let distances = weighted.as_ref().unwrap_or(local.dual());
     let groups = parameters.dimension.div_ceil(B);
     let mut samples = farthest_points(&distances.connectivity(), groups, parameters.seed, monitor)?;
     samples.sort_unstable();
     let mut columns = match &parameters.construction {
         Construction::Heat(heat) => {
-            heat::columns(&operator, &local.dual, distances, &local.frames, &samples, heat, monitor)?
+            heat::columns(&operator, local.dual(), distances, local.frames(), &samples, heat, monitor)?
         }
         Construction::LocalEigenfields(eigen) => {
-            local::columns(&operator, &local.dual, distances, &local.frames, &samples, eigen, monitor)?
+            local::columns(&operator, local.dual(), distances, local.frames(), &samples, eigen, monitor)?
         }
     };
-    cover(&mut columns, parameters.field, &local.dual, &local.frames);
+    cover(&mut columns, parameters.field, local.dual(), local.frames());
     monitor.stage("restriction");
     let sorted_space = from_columns(&columns, &(0..surface.faces() as u32).collect::<Vec<u32>>());
     if let Some(face) = sorted_space.uncovered() {
@@ -413,7 +358,7 @@ fn biharmonic<const B: usize>(
     boundary: FieldBoundary,
     monitor: &dyn Monitor,
 ) -> Result<SparseMatrix, FieldError> {
-    let (mesh, dual, frames) = (&surface.mesh, &surface.dual, &surface.frames);
+    let (mesh, dual, frames) = (surface.mesh(), surface.dual(), surface.frames());
     let operator = FieldOperator::<B>::assemble(basis.kind, mesh, dual, frames, boundary)?;
     monitor.checkpoint()?;
     let scaled = BlockMatrix::from_rows(surface.faces(), surface.faces(), |face, entries| {
@@ -463,22 +408,6 @@ fn in_order(field: &[f32], order: &[u32], block: usize) -> Vec<f32> {
         sorted[block * face as usize..block * (face as usize + 1)].copy_from_slice(own);
     }
     sorted
-}
-
-/// The faces in the order of a space-filling curve through their barycentres.
-fn spatial_order(mesh: &TriangleMesh) -> Vec<u32> {
-    let centres = TriangleMesh {
-        positions: mesh
-            .faces
-            .iter()
-            .map(|f| [0, 1, 2].map(|i| f.iter().map(|&v| mesh.positions[v as usize][i]).sum::<f64>() / 3.0))
-            .collect(),
-        faces: Vec::new(),
-        ..Default::default()
-    };
-    let mut order: Vec<u32> = (0..mesh.faces.len() as u32).collect();
-    sort_spatially(&centres, &mut order);
-    order
 }
 
 #[cfg(test)]

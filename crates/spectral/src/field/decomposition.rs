@@ -5,13 +5,13 @@
 //! Crouzeix–Raviart functions (Polthier and Preuß 2003; thesis, section 3.1). At a boundary one of the two has no
 //! functions, or the parts would not be orthogonal: see [`FieldBoundary`].
 
-use chladni_algebra::FactorError;
+use chladni_algebra::{FactorError, SparseMatrix};
 use chladni_base::Monitor;
 use chladni_mesh::dual::NO_FACE;
 
-use super::basis::FieldSurface;
 use super::harmonic::rim;
-use super::poisson::{self, Factor, PoissonError};
+use super::poisson::{Factor, PoissonError};
+use super::surface::FieldSurface;
 use crate::operator::hodge::FieldBoundary;
 
 /// Projects fields to gradients and co-gradients, each by a sparse factor that is made once.
@@ -159,7 +159,7 @@ impl Potentials {
         }
         Self::ground(surface, &functions, size, &mut entries);
         Self::hold_idle(size, &mut entries);
-        let factor = Factor::new(&poisson::assemble(size, entries), monitor).map_err(|error| {
+        let factor = Factor::new(&SparseMatrix::summed(size, entries), monitor).map_err(|error| {
             let least = frames.areas().iter().copied().fold(f64::INFINITY, f64::min);
             let flat = || frames.areas().iter().position(|area| *area == least);
             match (&error, frames.degenerate_faces(), flat()) {

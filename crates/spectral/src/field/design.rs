@@ -17,9 +17,9 @@ use chladni_algebra::{
     SymmetricDefiniteSolver, solve_definite, vectorized,
 };
 use chladni_base::parallel::*;
-use chladni_base::{Cancelled, Monitor};
+use chladni_base::{Cancelled, Monitor, stopped};
 
-use crate::basis::{FieldBasis, RitzFields};
+use crate::basis::{FieldBasis, FieldMisfit, RitzFields};
 use crate::operator::frames::Planar;
 use crate::operator::transport::FieldKind;
 
@@ -41,7 +41,7 @@ pub enum DesignError {
     },
     /// The eigenproblem of the set-up failed.
     #[error(transparent)]
-    Eigen(#[from] EigenError),
+    Eigen(EigenError),
     /// A weight is negative or not finite.
     #[error("the weight {name} is {value}; it must be a number of at least 0")]
     Weight {
@@ -100,12 +100,15 @@ pub enum DesignError {
         /// How many are wanted.
         wanted: usize,
     },
+    /// Coefficients or a field do not fit the space or the surface.
+    #[error(transparent)]
+    Misfit(#[from] FieldMisfit),
     /// There is not enough memory, or the numbers are beyond what can be factored.
     #[error(transparent)]
     Factor(DefiniteError),
     /// The sparse system of the restricted matrices was not factored.
     #[error(transparent)]
-    Sparse(#[from] FactorError),
+    Sparse(FactorError),
     /// The products of the space that weights per face ask for were not formed.
     #[error(transparent)]
     Products(GalerkinError),
@@ -116,6 +119,13 @@ pub enum DesignError {
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }
+
+stopped!(
+    DesignError:
+    EigenError => Self::Eigen,
+    FactorError => Self::Sparse,
+    GalerkinError => Self::Products,
+);
 
 /// A space made ready for design. Cheap to clone.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,6 +1,6 @@
 //! Fields of next to no energy in a space that is designed in by a sparse factor, which does not know them.
 
-use chladni_algebra::{CpuSolver, DenseMatrix, SparseMatrix, SymmetricDefiniteSolver};
+use chladni_algebra::{CpuSolver, DenseMatrix, SparseMatrix, SymmetricDefiniteSolver, dot_in_order};
 use chladni_base::{SplitMix64, Unwatched};
 
 /// More than this many are not looked for: harmonic fields of a few handles, and the identity of tensors.
@@ -39,7 +39,7 @@ impl Kernel<'_> {
     pub fn along(self, j: usize, row: &[f64]) -> f64 {
         match self {
             Self::Coordinates(at) => row[at[j]],
-            Self::Fields(idle) => dot(&idle[j].field, row),
+            Self::Fields(idle) => dot_in_order(&idle[j].field, row),
         }
     }
 
@@ -67,7 +67,7 @@ pub(super) fn without<E>(
         for column in vectors.chunks_exact_mut(d.max(1)) {
             for one in idle {
                 let (measure, out) = along(one);
-                let share = dot(measure, column);
+                let share = dot_in_order(measure, column);
                 column.iter_mut().zip(out).for_each(|(x, o)| *x -= share * o);
             }
         }
@@ -100,7 +100,7 @@ pub(super) fn find(inverse: impl Fn(&mut [f64]), mass: &SparseMatrix, floor: f64
     for j in 0..count {
         identity.column_mut(j)[j] = 1.0;
         for i in 0..count {
-            let form = |a: usize, b: usize| dot(&image[a * d..(a + 1) * d], &moved[b * d..(b + 1) * d]);
+            let form = |a: usize, b: usize| dot_in_order(&image[a * d..(a + 1) * d], &moved[b * d..(b + 1) * d]);
             products.column_mut(j)[i] = 0.5 * (form(i, j) + form(j, i));
         }
     }
@@ -109,7 +109,7 @@ pub(super) fn find(inverse: impl Fn(&mut [f64]), mass: &SparseMatrix, floor: f64
     (0..count)
         .map(|k| {
             let v = pairs.vectors.column(k);
-            let size = dot(v, v).sqrt().max(f64::MIN_POSITIVE);
+            let size = dot_in_order(v, v).sqrt().max(f64::MIN_POSITIVE);
             let mut field = vec![0.0; d];
             for (column, &v) in x.chunks_exact(d).zip(v) {
                 field.iter_mut().zip(column).for_each(|(u, x)| *u += v / size * x);
@@ -120,10 +120,6 @@ pub(super) fn find(inverse: impl Fn(&mut [f64]), mass: &SparseMatrix, floor: f64
         .collect()
 }
 
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
 /// Gram–Schmidt, each column twice.
 fn orthonormalise(x: &mut [f64], mass: &SparseMatrix) {
     let d = mass.rows().max(1);
@@ -132,15 +128,15 @@ fn orthonormalise(x: &mut [f64], mass: &SparseMatrix) {
         let own = &mut rest[..d];
         for _ in 0..2 {
             let image = mass.multiply(own);
-            let size = dot(&image, own).sqrt().max(f64::MIN_POSITIVE);
-            let shares: Vec<f64> = before.chunks_exact(d).map(|column| dot(column, &image)).collect();
+            let size = dot_in_order(&image, own).sqrt().max(f64::MIN_POSITIVE);
+            let shares: Vec<f64> = before.chunks_exact(d).map(|column| dot_in_order(column, &image)).collect();
             for (column, share) in before.chunks_exact(d).zip(shares) {
                 own.iter_mut().zip(column).for_each(|(x, c)| *x -= share * c);
             }
             own.iter_mut().for_each(|x| *x /= size);
         }
         let image = mass.multiply(own);
-        let size = dot(&image, own).sqrt().max(f64::MIN_POSITIVE);
+        let size = dot_in_order(&image, own).sqrt().max(f64::MIN_POSITIVE);
         own.iter_mut().for_each(|x| *x /= size);
     }
 }

@@ -329,7 +329,7 @@ impl<const B: usize> Whole<B> {
                 return Ok(Some(found));
             }
         }
-        let Some(about) = weighted.idle_fields(basis) else { return Ok(None) };
+        let Some(about) = weighted.idle_fields(basis).map_err(DesignError::from)? else { return Ok(None) };
         let exact = Kernel::of_one(self.polished(about, monitor)?, self.mass.len());
         Ok(Some(self.kernel.get_or_init(|| exact)))
     }

@@ -7,13 +7,12 @@
 
 use std::sync::Arc;
 
-use chladni_algebra::{DenseMatrix, HalfSolved};
+use chladni_algebra::{DenseMatrix, HalfSolved, dot_in_order};
 use chladni_base::Monitor;
 use chladni_base::parallel::*;
 
 use super::design::{Constraint, Design, DesignError};
 use super::direct::{Direct, IdleSolves, ShiftedFactor};
-use super::idle::dot as small_dot;
 use super::kernel::{Kernel, Own};
 use super::refine::{FullSpace, Inner, RefineError, Refined};
 use super::refine_response::{Response, Sum, Whole, add};
@@ -441,11 +440,11 @@ impl<'a> IdleHalves<'a> {
             return;
         }
         for (j, (value, product)) in self.values.iter().zip(&self.products).enumerate() {
-            let turned: Vec<f64> = self.square.iter().map(|row| small_dot(row, value)).collect();
+            let turned: Vec<f64> = self.square.iter().map(|row| dot_in_order(row, value)).collect();
             for (i, into) in moved.column_mut(j).iter_mut().enumerate() {
-                let both = small_dot(&self.values[i], &turned)
-                    - small_dot(&self.products[i], value)
-                    - small_dot(&self.values[i], product);
+                let both = dot_in_order(&self.values[i], &turned)
+                    - dot_in_order(&self.products[i], value)
+                    - dot_in_order(&self.values[i], product);
                 *into += scale * both;
             }
         }
@@ -455,7 +454,7 @@ impl<'a> IdleHalves<'a> {
     fn take_out_of_second(&self, scale: f64, moved: &mut DenseMatrix) {
         for (j, value) in self.values.iter().enumerate() {
             let column = moved.column_mut(j).iter_mut().zip(&self.values);
-            column.for_each(|(into, own)| *into += scale * small_dot(own, value));
+            column.for_each(|(into, own)| *into += scale * dot_in_order(own, value));
         }
     }
 

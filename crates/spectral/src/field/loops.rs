@@ -6,7 +6,7 @@
 
 use chladni_mesh::dual::NO_FACE;
 
-use super::basis::FieldSurface;
+use super::surface::FieldSurface;
 
 /// What a form adds up to along each edge of each face, counter-clockwise; only what is not zero:
 /// `(3 · face + k, value)`.

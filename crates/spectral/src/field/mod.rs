@@ -51,6 +51,7 @@ mod slack;
 mod smooth;
 mod space;
 mod streamline;
+mod surface;
 mod transport;
 mod unity;
 mod weighted;
@@ -58,7 +59,7 @@ mod whole;
 
 pub use adaptive::adaptive_weights;
 pub use alignment::{Alignment, Prescription};
-pub use basis::{Construction, FieldError, FieldParameters, FieldSurface, field_basis, full_biharmonic};
+pub use basis::{Construction, FieldError, FieldParameters, field_basis, full_biharmonic};
 pub use decomposition::{HodgeDecomposition, HodgeParts};
 pub use design::{BENDING, Constraint, Design, DesignError, DesignModel, EnergyWeights, Hold, MOST_DIMENSIONS};
 pub use direct::{USUAL_ROOM, most_factored_faces};
@@ -79,8 +80,9 @@ pub use reading::{
 pub use refine::{FullSpace, RefineError, Refined};
 pub use singularity::{Matching, Singularity, matched_singularities, singularities};
 pub use streamline::{HatchingParameters, Streamline, StreamlineError, streamlines};
+pub use surface::{FieldSurface, SurfaceError};
 pub use transport::{TransportError, VectorHeat, VectorSource};
 pub use weighted::WeightedModel;
 pub use whole::whole_space;
 
-pub use crate::basis::{FieldBasis, FieldSpace, SpaceError};
+pub use crate::basis::{FieldBasis, FieldMisfit, FieldSpace, SpaceError};

@@ -5,11 +5,11 @@ use chladni_algebra::{
     SymbolicFactor, fill_reducing_order,
 };
 use chladni_base::parallel::*;
-use chladni_base::{Cancelled, Monitor};
+use chladni_base::{Cancelled, Monitor, stopped};
 use chladni_mesh::dual::OneSided;
 
-use super::basis::FieldSurface;
 use super::pencil::within_surfaces;
+use super::surface::FieldSurface;
 
 /// From so many unknowns on, an order by nested dissection saves more than it costs.
 const LARGE: usize = 60_000;
@@ -22,7 +22,7 @@ pub enum PoissonError {
     OneSided(#[from] OneSided),
     /// The matrix was not factored.
     #[error("a Poisson problem on the vertices could not be solved: {0}")]
-    Factor(#[from] FactorError),
+    Factor(FactorError),
     /// The matrix is singular for faces without area.
     #[error(
         "the Laplacian of this surface cannot be factored: {faces} of its faces have no area, the first of which is face {face}"
@@ -38,21 +38,7 @@ pub enum PoissonError {
     Cancelled(#[from] Cancelled),
 }
 
-/// A weighted graph Laplacian from entries `(row, column, value)` in any order, those of one place added up.
-pub(super) fn assemble(size: usize, mut entries: Vec<(u32, u32, f64)>) -> SparseMatrix {
-    entries.par_sort_by_key(|e| (e.0, e.1));
-    let mut offsets = vec![0usize; size + 1];
-    let (mut indices, mut values) = (Vec::new(), Vec::new());
-    for same in entries.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-        offsets[same[0].0 as usize + 1] += 1;
-        indices.push(same[0].1);
-        values.push(same.iter().map(|e| e.2).sum());
-    }
-    for v in 0..size {
-        offsets[v + 1] += offsets[v];
-    }
-    SparseMatrix::from_sorted_parts(size, size, offsets, indices, values)
-}
+stopped!(PoissonError: FactorError => Self::Factor);
 
 /// Makes a Laplacian definite: a vertex of each component is tied to zero where none is fixed, as are vertices without
 /// a face.

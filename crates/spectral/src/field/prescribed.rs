@@ -10,17 +10,17 @@
 
 use std::f64::consts::TAU;
 
-use chladni_algebra::{DefiniteError, DenseMatrix, PANEL_WIDTH, PanelMatrix, solve_definite};
+use chladni_algebra::{DefiniteError, DenseMatrix, PANEL_WIDTH, PanelMatrix, SparseMatrix, solve_definite};
 use chladni_base::Monitor;
 use chladni_mesh::dual::{NO_FACE, OneSided};
 
 use crate::operator::frames::{Planar, conjugate, multiply, normalise};
 use crate::operator::transport::{FieldKind, edge_weight, turn};
 
-use super::basis::FieldSurface;
 use super::loops::{DualTree, closed_loops, ends};
 use super::poisson::{self, PoissonError};
 use super::singularity::{Matching, least_angles};
+use super::surface::FieldSurface;
 
 /// The most independent loops: their harmonic parts are a dense matrix.
 const MOST_LOOPS: usize = 1024;
@@ -194,9 +194,7 @@ impl PrescribedField {
     /// # Panics
     /// Where `field` has another size than the surface has numbers of this kind.
     pub fn matching(&self, surface: &FieldSurface, field: &[f32]) -> Vec<Matching> {
-        let Some(least) = least_angles(surface, self.kind, field) else {
-            panic!("{} numbers for {} faces", field.len(), surface.faces())
-        };
+        let least = least_angles(surface, self.kind, field).unwrap_or_else(|misfit| panic!("{misfit}"));
         let edges = surface.dual().edge_faces().iter().zip(self.turns.iter().zip(&least)).enumerate();
         edges
             .filter_map(|(edge, (&faces, (turn, least)))| {
@@ -442,7 +440,7 @@ impl<'a> Connection<'a> {
             }
         }
         poisson::ground(self.surface, |v| rim[v as usize], &mut entries);
-        let matrix = poisson::assemble(vertices, entries);
+        let matrix = SparseMatrix::summed(vertices, entries);
         poisson::solve(&matrix, x, monitor)
     }
 

@@ -1,12 +1,13 @@
 //! Curvature as fields: the shape operator of each face as a stored tensor, and its directions as something to align
 //! to.
 
+use crate::basis::FieldMisfit;
 use crate::operator::OperatorError;
 use crate::operator::curvature::curvatures;
 use crate::operator::frames::{Planar, power};
 
-use super::basis::FieldSurface;
 use super::reading::{tensor_deviator, tensor_in_frame};
+use super::surface::FieldSurface;
 
 /// The shape operator in every face, `3F` numbers `(a₁₁, a₂₂, √2 a₁₂)` in the frames, in 1/length of the input: the
 /// mean of those of its corners.
@@ -44,11 +45,16 @@ pub struct DirectionField {
 }
 
 /// The eigendirections of stored tensors, of the larger eigenvalue for `n = 2`, of both for `n = 4` and so on, as an
-/// n-field. `None` unless `n` is even and the tensors are three numbers a face.
-pub fn principal_directions(tensors: &[f64], n: u32) -> Option<DirectionField> {
-    if n == 0 || !n.is_multiple_of(2) || !tensors.len().is_multiple_of(3) {
-        return None;
+/// n-field.
+///
+/// # Errors
+/// [`FieldMisfit::Directions`] unless `n` is even, [`FieldMisfit::Numbers`] unless the tensors are three numbers a
+/// face.
+pub fn principal_directions(tensors: &[f64], n: u32) -> Result<DirectionField, FieldMisfit> {
+    if n == 0 || !n.is_multiple_of(2) {
+        return Err(FieldMisfit::Directions { n });
     }
+    FieldMisfit::check("numbers of tensors", tensors.len(), 3 * tensors.len().div_ceil(3))?;
     let faces = tensors.len() / 3;
     let mut field = DirectionField { target: Vec::with_capacity(2 * faces), weights: Vec::with_capacity(faces) };
     for tensor in tensors.chunks_exact(3) {
@@ -59,7 +65,7 @@ pub fn principal_directions(tensors: &[f64], n: u32) -> Option<DirectionField> {
         field.target.extend(power(unit, n / 2));
         field.weights.push(if sound { anisotropy / (anisotropy + mean) } else { 0.0 });
     }
-    Some(field)
+    Ok(field)
 }
 
 /// A strand of fur in a face.
@@ -72,12 +78,21 @@ pub struct Strand {
 }
 
 /// A combed coat: one strand per face, that leans towards a vector field of two numbers per face by at most `tilt`
-/// radians, which it reaches where the field is as long as `full` or longer. `None` unless the field fits and the
-/// numbers are finite.
-pub fn fur(surface: &FieldSurface, field: &[f32], length: f64, tilt: f64, full: f64) -> Option<Vec<Strand>> {
-    let sound = length.is_finite() && tilt.is_finite() && full > 0.0;
-    if field.len() != 2 * surface.faces() || !sound {
-        return None;
+/// radians, which it reaches where the field is as long as `full` or longer.
+///
+/// # Errors
+/// [`FieldMisfit::Numbers`] unless the field has two numbers for each face, [`FieldMisfit::Strands`] unless `length`
+/// and `tilt` are finite and `full` is above zero.
+pub fn fur(
+    surface: &FieldSurface,
+    field: &[f32],
+    length: f64,
+    tilt: f64,
+    full: f64,
+) -> Result<Vec<Strand>, FieldMisfit> {
+    FieldMisfit::check("numbers of a field", field.len(), 2 * surface.faces())?;
+    if !(length.is_finite() && tilt.is_finite() && full > 0.0) {
+        return Err(FieldMisfit::Strands);
     }
     let (mesh, frames) = (surface.mesh(), surface.frames());
     let strands = field.chunks_exact(2).enumerate().map(|(f, u)| {
@@ -89,7 +104,7 @@ pub fn fur(surface: &FieldSurface, field: &[f32], length: f64, tilt: f64, full: 
         let root = [0, 1, 2].map(|i| mesh.faces[f].iter().map(|&v| mesh.positions[v as usize][i]).sum::<f64>() / 3.0);
         Strand { root, tip: [0, 1, 2].map(|i| length * (cosine * normal[i] + sine * along[i])) }
     });
-    Some(strands.collect())
+    Ok(strands.collect())
 }
 
 #[cfg(test)]
@@ -119,7 +134,10 @@ mod tests {
         }
         assert!(worst > 0.9, "{worst}");
         assert!(field.weights.iter().all(|w| (0.0..=1.0).contains(w)));
-        assert!(principal_directions(&tensors, 3).is_none() && principal_directions(&tensors[1..], 2).is_none());
+        assert_eq!(principal_directions(&tensors, 3), Err(FieldMisfit::Directions { n: 3 }));
+        let (found, expected) = (tensors.len() - 1, tensors.len());
+        let short = FieldMisfit::Numbers { what: "numbers of tensors", found, expected };
+        assert_eq!(principal_directions(&tensors[1..], 2), Err(short));
     }
 
     #[test]
@@ -132,6 +150,9 @@ mod tests {
         assert!(
             (strands[1].tip[2] - 0.5 * 1f64.cos()).abs() < 1e-6 && (strands[1].tip[0] - 0.5 * 1f64.sin()).abs() < 1e-6
         );
-        assert!(fur(&surface, &field[1..], 0.5, 1.0, 1.0).is_none() && fur(&surface, &field, 0.5, 1.0, 0.0).is_none());
+        let (found, expected) = (field.len() - 1, field.len());
+        let short = FieldMisfit::Numbers { what: "numbers of a field", found, expected };
+        assert_eq!(fur(&surface, &field[1..], 0.5, 1.0, 1.0), Err(short));
+        assert_eq!(fur(&surface, &field, 0.5, 1.0, 0.0), Err(FieldMisfit::Strands));
     }
 }

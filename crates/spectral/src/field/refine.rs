@@ -8,9 +8,8 @@
 use std::sync::OnceLock;
 
 use chladni_algebra::BlockMatrix;
-use chladni_base::{Cancelled, Monitor};
+use chladni_base::{Cancelled, Monitor, stopped};
 
-use super::basis::FieldSurface;
 use super::cycle::Cycles;
 use super::design::{Constraint, Design, DesignError, length};
 use super::direct::{Direct, USUAL_ROOM};
@@ -18,6 +17,7 @@ use super::hierarchy::hierarchy;
 use super::kernel::Kernel;
 use super::refine_pulls::Pulls;
 use super::refine_response::{Response, Whole, add, dot};
+use super::surface::FieldSurface;
 use super::weighted::WeightedModel;
 use crate::basis::FieldBasis;
 use crate::operator::OperatorError;
@@ -42,10 +42,10 @@ const JUDGE: f64 = 2e-3;
 pub enum RefineError {
     /// The surface has no such operator.
     #[error(transparent)]
-    Operator(#[from] OperatorError),
+    Operator(OperatorError),
     /// The design itself does not fit.
     #[error(transparent)]
-    Design(#[from] DesignError),
+    Design(DesignError),
     /// The tolerance is out of range.
     #[error("the tolerance is {tolerance}; it must be from {LEAST_TOLERANCE:e} to below 1")]
     Tolerance {
@@ -78,6 +78,8 @@ pub enum RefineError {
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }
+
+stopped!(RefineError: OperatorError => Self::Operator, DesignError => Self::Design);
 
 /// All fields of a surface, with what solves for designs among them. Independent of the weights.
 pub struct FullSpace {
@@ -371,9 +373,7 @@ impl<const B: usize> Whole<B> {
 
     /// How far the field of coefficients is from another one, as a share of the length of that.
     pub(super) fn apart(&self, basis: &FieldBasis, coefficients: &[f32], field: &[f64]) -> Result<f64, DesignError> {
-        let (got, wanted) = (coefficients.len(), basis.space.dimension());
-        let reduced = basis.space.lift(coefficients);
-        let reduced = reduced.ok_or(DesignError::Length { what: "coefficients", got, wanted })?;
+        let reduced = basis.space.lift(coefficients)?;
         let mut off: Vec<f64> = reduced.iter().map(|&x| f64::from(x)).collect();
         add(&mut off, field, -1.0);
         let norm = |x: &[f64]| self.product(x, x).sqrt();

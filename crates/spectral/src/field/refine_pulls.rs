@@ -4,12 +4,11 @@
 //! finer than its columns, which does not reach far: as a share of what a face yields, a number for each, that a first,
 //! coarse response of the surface tells.
 
-use chladni_algebra::{DefiniteError, DefiniteFactor, DenseMatrix, lowest_symmetric};
+use chladni_algebra::{DefiniteError, DefiniteFactor, DenseMatrix, dot_in_order, lowest_symmetric};
 use chladni_base::{Monitor, Unwatched};
 
 use super::compliance::Compliance;
 use super::design::DesignError;
-use super::idle::dot as small_dot;
 use super::kernel::Own;
 use super::refine::RefineError;
 use super::refine_response::{Response, Whole, add};
@@ -83,7 +82,7 @@ fn held(fields: &[Vec<f64>], precondition: &DefiniteFactor) -> Result<Vec<Idle>,
     let pulls = fields.iter().map(|field| solved(precondition, field)).collect::<Result<Vec<_>, _>>()?;
     let mut square = DenseMatrix::zeros(count, count);
     for (j, own) in pulls.iter().enumerate() {
-        square.column_mut(j).iter_mut().zip(fields).for_each(|(s, field)| *s = small_dot(field, own));
+        square.column_mut(j).iter_mut().zip(fields).for_each(|(s, field)| *s = dot_in_order(field, own));
     }
     let pairs = lowest_symmetric(square, count, &Unwatched).map_err(DesignError::Eigen)?;
     let largest = pairs.values.last().copied().unwrap_or(0.0);
@@ -99,13 +98,13 @@ fn held(fields: &[Vec<f64>], precondition: &DefiniteFactor) -> Result<Vec<Idle>,
         // What is held loosely is orthogonal to what is held firmly only as far as digits go: Gram–Schmidt, twice.
         for _ in 0..2 {
             for other in &found {
-                let share = small_dot(&other.values, &pulls);
+                let share = dot_in_order(&other.values, &pulls);
                 values.iter_mut().zip(&other.values).for_each(|(v, o)| *v -= share * o);
                 pulls.iter_mut().zip(&other.pulls).for_each(|(p, o)| *p -= share * o);
                 mixture.iter_mut().zip(&other.mixture).for_each(|(t, o)| *t -= share * o);
             }
         }
-        let size = small_dot(&values, &pulls).sqrt();
+        let size = dot_in_order(&values, &pulls).sqrt();
         if size > 0.0 {
             [&mut values, &mut pulls, &mut mixture].into_iter().flatten().for_each(|x| *x /= size);
             found.push(Idle { values, pulls, mixture });
@@ -207,7 +206,7 @@ impl<'a, const B: usize> Pulls<'a, B> {
     fn answer(&self, miss: &mut [f64], amounts: &mut [f64]) -> Result<Vec<f64>, RefineError> {
         let mut y = solved(&self.precondition, miss)?;
         for idle in &self.idle {
-            let share = small_dot(&idle.values, &y);
+            let share = dot_in_order(&idle.values, &y);
             miss.iter_mut().zip(&idle.values).for_each(|(m, b)| *m -= share * b);
             y.iter_mut().zip(&idle.pulls).for_each(|(y, p)| *y -= share * p);
             amounts.iter_mut().zip(&idle.mixture).for_each(|(a, t)| *a += share * t);
@@ -232,7 +231,7 @@ impl<'a, const B: usize> Pulls<'a, B> {
         let reduced = &self.compliance.moved;
         let one = |face: usize| {
             let own = B * face..B * (face + 1);
-            let work = |i: usize| (moved[i] - small_dot(reduced.column(i), pulls)) * pulls[i];
+            let work = |i: usize| (moved[i] - dot_in_order(reduced.column(i), pulls)) * pulls[i];
             let more: f64 = own.clone().map(work).sum();
             let size: f64 = own.map(|i| reduced.column(i)[i] * pulls[i] * pulls[i]).sum();
             let share = more / size;
@@ -254,7 +253,7 @@ impl<'a, const B: usize> Pulls<'a, B> {
         if self.compliance.faces.is_empty() {
             return Ok(());
         }
-        let product = small_dot;
+        let product = dot_in_order;
         let mut amounts = vec![0.0; self.loose.len()];
         let reached = at_faces::<B>(&self.compliance.faces, &self.field);
         let mut miss: Vec<f64> = self.compliance.values.iter().zip(&reached).map(|(v, u)| v - u).collect();

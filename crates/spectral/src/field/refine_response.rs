@@ -100,13 +100,16 @@ fn piece_dot(a: &[f64], b: &[f64]) -> f64 {
     )
 }
 
+/// `aᵀ b`. Sizes that differ are a mistake of this module's callers, here and below.
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    assert_eq!(a.len(), b.len(), "an inner product of fields of different sizes");
     let sums: Vec<f64> = a.par_chunks(PIECE).zip(b.par_chunks(PIECE)).map(|(a, b)| piece_dot(a, b)).collect();
     sums.iter().sum()
 }
 
 /// `aᵀ M b` with the masses of the faces.
 pub(super) fn product<const B: usize>(mass: &[f64], a: &[f64], b: &[f64]) -> f64 {
+    assert_eq!((a.len(), b.len()), (B * mass.len(), B * mass.len()), "fields of other sizes than the mass");
     let pieces = a.par_chunks(B * PIECE).zip(b.par_chunks(B * PIECE)).zip(mass.par_chunks(PIECE));
     let sums: Vec<f64> = pieces
         .map(|((a, b), mass)| {
@@ -119,6 +122,7 @@ pub(super) fn product<const B: usize>(mass: &[f64], a: &[f64], b: &[f64]) -> f64
 
 /// `aᵀ c` and `bᵀ c`.
 fn dots(a: &[f64], b: &[f64], c: &[f64]) -> (f64, f64) {
+    assert_eq!((a.len(), b.len()), (c.len(), c.len()), "inner products of fields of different sizes");
     let pieces = a.par_chunks(PIECE).zip(b.par_chunks(PIECE)).zip(c.par_chunks(PIECE));
     // A piece of `c` is in the cache when it meets that of `b`.
     let sums: Vec<(f64, f64)> = pieces.map(|((a, b), c)| (piece_dot(a, c), piece_dot(b, c))).collect();
@@ -127,6 +131,7 @@ fn dots(a: &[f64], b: &[f64], c: &[f64]) -> (f64, f64) {
 
 /// `a += factor · b`.
 pub(super) fn add(a: &mut [f64], b: &[f64], factor: f64) {
+    assert_eq!(a.len(), b.len(), "a sum of fields of different sizes");
     a.par_chunks_mut(PIECE).zip(b.par_chunks(PIECE)).for_each(|(a, b)| {
         a.iter_mut().zip(b).for_each(|(a, b)| *a += factor * b);
     });

@@ -104,7 +104,7 @@ impl Problem {
             entries.push((i as u32, i as u32, held[i]));
             entries.push(((n + i) as u32, (n + i) as u32, -self.masses[i]));
         }
-        poisson::solve(&poisson::assemble(2 * n, entries), &mut right, &Unwatched).unwrap();
+        poisson::solve(&SparseMatrix::summed(2 * n, entries), &mut right, &Unwatched).unwrap();
         right.column(0)[..n].to_vec()
     }
 

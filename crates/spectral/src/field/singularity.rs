@@ -8,11 +8,12 @@
 
 use chladni_base::parallel::*;
 
+use crate::basis::FieldMisfit;
 use crate::operator::frames::{Planar, conjugate, multiply};
 use crate::operator::transport::{FieldKind, turn};
 
-use super::basis::FieldSurface;
 use super::reading::tensor_deviator;
+use super::surface::FieldSurface;
 
 /// A vertex at which a field is singular.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,9 +33,14 @@ impl Singularity {
     }
 }
 
-/// The singular vertices of a field of `block` numbers per face, ascending; `None` unless it fits. Vertices at a
-/// boundary have no index.
-pub fn singularities(surface: &FieldSurface, kind: FieldKind, field: &[f32]) -> Option<Vec<Singularity>> {
+/// What a field consists of, to errors.
+const NUMBERS: &str = "numbers of a field";
+
+/// The singular vertices of a field of `block` numbers per face, ascending. Vertices at a boundary have no index.
+///
+/// # Errors
+/// [`FieldMisfit::Numbers`] unless the field has `block` numbers for each face.
+pub fn singularities(surface: &FieldSurface, kind: FieldKind, field: &[f32]) -> Result<Vec<Singularity>, FieldMisfit> {
     matched_singularities(surface, kind, field, &[])
 }
 
@@ -52,17 +58,23 @@ pub struct Matching {
 
 /// The singular vertices of a field whose faces are matched: without a matching, a turn of more than 180° is read as
 /// the smaller one the other way round.
+///
+/// # Errors
+/// [`FieldMisfit`]: the field has other than `block` numbers for each face, or the matching is of an edge that is not
+/// there.
 pub fn matched_singularities(
     surface: &FieldSurface,
     kind: FieldKind,
     field: &[f32],
     matching: &[Matching],
-) -> Option<Vec<Singularity>> {
+) -> Result<Vec<Singularity>, FieldMisfit> {
     let (dual, frames, mesh) = (surface.dual(), surface.frames(), surface.mesh());
     let order = kind.order();
     let mut angles = least_angles(surface, kind, field)?;
-    for matched in matching {
-        *angles.get_mut(matched.edge as usize)? += std::f64::consts::TAU * f64::from(matched.turns);
+    let edges = angles.len();
+    for (place, &Matching { edge, turns, .. }) in matching.iter().enumerate() {
+        let angle = angles.get_mut(edge as usize).ok_or(FieldMisfit::Edge { place, edge, edges })?;
+        *angle += std::f64::consts::TAU * f64::from(turns);
     }
     let (mut corners, mut turned) = (Vec::new(), Vec::new());
     let mut found = Vec::new();
@@ -90,16 +102,16 @@ pub fn matched_singularities(
             found.push(Singularity { vertex, numerator, order });
         }
     }
-    Some(found)
+    Ok(found)
 }
 
 /// From the lower face of each edge to the upper one, by which angle from −180° to 180° a field turns; 0 at a boundary.
-/// `None` unless it fits.
-pub(super) fn least_angles(surface: &FieldSurface, kind: FieldKind, field: &[f32]) -> Option<Vec<f64>> {
+///
+/// # Errors
+/// [`FieldMisfit::Numbers`] unless the field has `block` numbers for each face.
+pub(super) fn least_angles(surface: &FieldSurface, kind: FieldKind, field: &[f32]) -> Result<Vec<f64>, FieldMisfit> {
     let b = kind.block();
-    if field.len() != b * surface.faces() {
-        return None;
-    }
+    FieldMisfit::check(NUMBERS, field.len(), b * surface.faces())?;
     let (dual, frames) = (surface.dual(), surface.frames());
     let value = |face: usize| -> Planar {
         let own = &field[b * face..b * (face + 1)];
@@ -122,7 +134,7 @@ pub(super) fn least_angles(surface: &FieldSurface, kind: FieldKind, field: &[f32
             step[1].atan2(step[0])
         })
         .collect();
-    Some(angles)
+    Ok(angles)
 }
 
 #[cfg(test)]
@@ -172,6 +184,12 @@ mod tests {
         let found = singularities(&surface, kind, &lowest).unwrap();
         assert_eq!(sum(&found), 8);
         assert!(found.len() <= 12, "{}", found.len());
-        assert_eq!(singularities(&surface, kind, &lowest[1..]), None);
+        let expected = lowest.len();
+        let short = FieldMisfit::Numbers { what: NUMBERS, found: expected - 1, expected };
+        assert_eq!(singularities(&surface, kind, &lowest[1..]), Err(short));
+        let beyond = [Matching { edge: u32::MAX, faces: [0, 1], turns: 1 }];
+        let edges = surface.dual().edge_faces().len();
+        let off = FieldMisfit::Edge { place: 0, edge: u32::MAX, edges };
+        assert_eq!(matched_singularities(&surface, kind, &lowest, &beyond), Err(off));
     }
 }

@@ -39,6 +39,7 @@ pub(super) fn from_columns<const B: usize>(columns: &[Column<B>], faces: &[u32])
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::basis::FieldMisfit;
 
     fn space<const B: usize>() -> FieldSpace {
         let block = |s: f32| std::array::from_fn(|i| std::array::from_fn(|j| s + (3 * i + j) as f32 * 0.25));
@@ -63,13 +64,15 @@ mod tests {
         let some = space.lift_faces(&single, &[3, 0, 3]).unwrap();
         let picked = [&lifted[3 * B..4 * B], &lifted[..B], &lifted[3 * B..4 * B]].concat();
         assert!(some.iter().zip(&picked).all(|(a, b)| (a - b).abs() < 1e-6));
-        assert!(space.lift_faces(&single, &[4]).is_none() && space.lift_faces(&single[1..], &[0]).is_none());
+        assert_eq!(space.lift_faces(&single, &[3, 4]), Err(FieldMisfit::Face { place: 1, face: 4, faces: 4 }));
+        let short = FieldMisfit::Numbers { what: "coefficients", found: 2 * B, expected: 2 * B + 1 };
+        assert_eq!(space.lift_faces(&single[1..], &[0]), Err(short));
         let y: Vec<f64> = (0..4 * B).map(|i| (i as f64).sin()).collect();
         let back = space.transposed_times(&y);
         let (left, right): (f64, f64) =
             (back.iter().zip(&x).map(|(a, b)| a * b).sum(), y.iter().zip(&expected).map(|(a, b)| a * b).sum());
         assert!((left - right).abs() < 1e-12);
-        assert!(space.lift(&single[1..]).is_none());
+        assert_eq!(space.lift(&single[1..]), Err(short));
         let again = FieldSpace::from_parts(
             B,
             2,

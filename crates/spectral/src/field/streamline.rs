@@ -10,8 +10,8 @@ use chladni_mesh::dual::NO_FACE;
 
 use crate::operator::frames::{Planar, multiply};
 
-use super::basis::FieldSurface;
 use super::samples::{Sample, Samples};
+use super::surface::FieldSurface;
 
 /// Lines are sampled at this share of the spacing.
 const SAMPLE_SHARE: f64 = 0.25;

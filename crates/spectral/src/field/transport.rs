@@ -11,8 +11,9 @@
 use chladni_algebra::SparseMatrix;
 use chladni_base::Monitor;
 
-use super::basis::{FieldError, FieldSurface};
-use super::poisson::{self, Factor, PoissonError};
+use super::basis::FieldError;
+use super::poisson::{Factor, PoissonError};
+use super::surface::FieldSurface;
 use crate::operator::hodge::FieldBoundary;
 use crate::operator::tangential::FieldOperator;
 use crate::operator::transport::FieldKind;
@@ -105,7 +106,7 @@ impl VectorHeat {
                 entries.push((row as u32, column, if column as usize == row { weight } else { -weight }));
             }
         }
-        let numbers = heated(&poisson::assemble(surface.faces(), entries), |row| operator.mass[row], time);
+        let numbers = heated(&SparseMatrix::summed(surface.faces(), entries), |row| operator.mass[row], time);
         Ok(Self { vectors: Factor::new(&vectors, monitor)?, numbers: Factor::new(&numbers, monitor)? })
     }
 
@@ -163,7 +164,7 @@ fn heated(matrix: &SparseMatrix, mass: impl Fn(usize) -> f64, time: f64) -> Spar
         entries.extend(columns.iter().zip(values).map(|(&column, value)| (row as u32, column, time * value)));
         entries.push((row as u32, row as u32, mass(row)));
     }
-    poisson::assemble(matrix.rows(), entries)
+    SparseMatrix::summed(matrix.rows(), entries)
 }
 
 #[cfg(test)]

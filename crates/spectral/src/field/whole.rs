@@ -8,7 +8,7 @@ use crate::operator::hodge::FieldBoundary;
 use crate::operator::tangential::FieldOperator;
 use crate::operator::transport::FieldKind;
 
-use super::basis::FieldSurface;
+use super::surface::FieldSurface;
 
 /// All fields of a surface as a basis: `U` is the identity, so that `S̄`, `M̄` are `S`, `M`, and both biharmonic
 /// energies are `S M⁻¹ S`. Designs in it, by [`super::DesignModel::sparse`], are the exact minimisers; they cost a

@@ -76,8 +76,7 @@ pub fn write<W: Write>(basis: &Basis, out: W) -> Result<(), FormatError> {
             (1..).zip(diagonal).try_for_each(|(i, value)| writeln!(archive, "{i} {i} {value}"))?;
         }
     }
-    let certificate: serde_json::Value =
-        serde_json::from_str(&super::npz::certificate_text(&basis.certificate)).unwrap_or_default();
+    let certificate = super::npz::certificate_value(&basis.certificate)?;
     let about = serde_json::json!({"certificate": certificate, "metadata": basis.metadata});
     archive.start_file("metadata.json", options)?;
     archive.write_all(about.to_string().as_bytes())?;

@@ -14,7 +14,7 @@ use crate::basis::{Basis, Compact, Functions, Precision};
 /// [`FormatError::Functions`] where columns cannot be read.
 pub fn to_bytes(basis: &Basis) -> Result<Vec<u8>, FormatError> {
     match &basis.functions {
-        Functions::Compact(compact) => Ok(compact_to_bytes(basis, compact)),
+        Functions::Compact(compact) => compact_to_bytes(basis, compact),
         Functions::Dense(dense) => {
             let mut bytes = dense_head(basis)?;
             bytes.reserve_exact(dense.bytes() as usize);
@@ -36,7 +36,7 @@ pub fn dense_head(basis: &Basis) -> Result<Vec<u8>, FormatError> {
         return Err(FormatError::TooLarge { what: "a basis that is not dense" });
     };
     let mass_offsets = mass_offsets(&basis.mass);
-    let mut file = File::new(about(basis));
+    let mut file = File::new(about(basis)?);
     file.take_all(&common(basis, &mass_offsets));
     // An odd number of four-byte indices would put numbers of eight bytes askew.
     if !file.data.len().is_multiple_of(8) {
@@ -165,20 +165,19 @@ fn common<'a>(basis: &'a Basis, mass_offsets: &'a [i64]) -> Vec<Tensor<'a>> {
 }
 
 /// What the file says about itself.
-fn about(basis: &Basis) -> serde_json::Value {
-    let certificate: serde_json::Value =
-        serde_json::from_str(&super::npz::certificate_text(&basis.certificate)).unwrap_or_default();
-    match &basis.functions {
+fn about(basis: &Basis) -> std::io::Result<serde_json::Value> {
+    let certificate = super::npz::certificate_value(&basis.certificate)?;
+    Ok(match &basis.functions {
         Functions::Compact(Compact { space, .. }) => serde_json::json!({
             "space": {"format": "csr", "shape": [space.rows(), space.columns()]},
             "certificate": certificate,
             "metadata": basis.metadata,
         }),
         Functions::Dense(_) => serde_json::json!({"certificate": certificate, "metadata": basis.metadata}),
-    }
+    })
 }
 
-fn compact_to_bytes(basis: &Basis, compact: &Compact) -> Vec<u8> {
+fn compact_to_bytes(basis: &Basis, compact: &Compact) -> Result<Vec<u8>, FormatError> {
     let Compact { space, coefficients, .. } = compact;
     let (d, m) = (coefficients.rows(), coefficients.columns());
     let mut by_rows = vec![0.0; d * m];
@@ -195,9 +194,9 @@ fn compact_to_bytes(basis: &Basis, compact: &Compact) -> Vec<u8> {
         ("coefficients", Dtype::F64, vec![d, m], bytemuck::cast_slice(&by_rows)),
     ];
     tensors.extend(common(basis, &mass_offsets));
-    let mut file = File::new(about(basis));
+    let mut file = File::new(about(basis)?);
     file.take_all(&tensors);
-    file.into_bytes()
+    Ok(file.into_bytes())
 }
 
 #[cfg(test)]

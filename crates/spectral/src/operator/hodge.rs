@@ -11,7 +11,6 @@
 //! longer. [`FieldBoundary`] says which.
 
 use chladni_algebra::{Block, BlockMatrix, MassMatrix, SparseMatrix};
-use chladni_base::parallel::*;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::dual::{DualGraph, NO_FACE};
 
@@ -234,18 +233,7 @@ fn stiffness_of(size: usize, frames: &FaceFrames, factor: f64, functions: impl F
             }
         }
     }
-    entries.par_sort_by_key(|e| (e.0, e.1));
-    let mut offsets = vec![0usize; size + 1];
-    let (mut indices, mut values) = (Vec::new(), Vec::new());
-    for same in entries.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-        offsets[same[0].0 as usize + 1] += 1;
-        indices.push(same[0].1);
-        values.push(same.iter().map(|e| e.2).sum());
-    }
-    for v in 0..size {
-        offsets[v + 1] += offsets[v];
-    }
-    SparseMatrix::from_sorted_parts(size, size, offsets, indices, values)
+    SparseMatrix::summed(size, entries)
 }
 
 /// Which vertices and edges lie on the boundary.

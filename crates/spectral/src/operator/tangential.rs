@@ -54,21 +54,42 @@ impl<const B: usize> FieldOperator<B> {
         Ok(Self { kind, stiffness, mass: frames.areas().to_vec(), area: frames.area() })
     }
 
+    fn fits(&self, field: &[f64]) -> Result<(), OperatorError> {
+        let expected = B * self.mass.len();
+        if field.len() == expected {
+            return Ok(());
+        }
+        let reason = format!("must be {expected} numbers, {B} for each face, not {}", field.len());
+        Err(OperatorError::Parameter { name: "field", reason })
+    }
+
     /// `‖u‖²_M`.
-    pub fn norm_squared(&self, field: &[f64]) -> f64 {
-        field.chunks_exact(B).zip(&self.mass).map(|(u, m)| m * u.iter().map(|x| x * x).sum::<f64>()).sum()
+    ///
+    /// # Errors
+    /// [`OperatorError::Parameter`] unless the field has `B` numbers for each face.
+    pub fn norm_squared(&self, field: &[f64]) -> Result<f64, OperatorError> {
+        self.fits(field)?;
+        Ok(field.chunks_exact(B).zip(&self.mass).map(|(u, m)| m * u.iter().map(|x| x * x).sum::<f64>()).sum())
     }
 
-    /// `uᵀ S u`; `None` unless the field fits.
-    pub fn harmonic_energy(&self, field: &[f64]) -> Option<f64> {
+    /// `uᵀ S u`.
+    ///
+    /// # Errors
+    /// As for [`norm_squared`](Self::norm_squared).
+    pub fn harmonic_energy(&self, field: &[f64]) -> Result<f64, OperatorError> {
+        self.fits(field)?;
         let image = self.stiffness.multiply(field);
-        Some(image.iter().zip(field).map(|(a, b)| a * b).sum())
+        Ok(image.iter().zip(field).map(|(a, b)| a * b).sum())
     }
 
-    /// `uᵀ S M⁻¹ S u`; `None` unless the field fits.
-    pub fn biharmonic_energy(&self, field: &[f64]) -> Option<f64> {
+    /// `uᵀ S M⁻¹ S u`.
+    ///
+    /// # Errors
+    /// As for [`norm_squared`](Self::norm_squared).
+    pub fn biharmonic_energy(&self, field: &[f64]) -> Result<f64, OperatorError> {
+        self.fits(field)?;
         let image = self.stiffness.multiply(field);
-        Some(image.chunks_exact(B).zip(&self.mass).map(|(a, m)| a.iter().map(|x| x * x).sum::<f64>() / m).sum())
+        Ok(image.chunks_exact(B).zip(&self.mass).map(|(a, m)| a.iter().map(|x| x * x).sum::<f64>() / m).sum())
     }
 }
 

@@ -11,7 +11,7 @@ use super::energy::{Density, Energy, Measure};
 use crate::basis::Certificate;
 use crate::operator::EigenProblem;
 use chladni_algebra::{DenseMatrix, MultigridError, SparseMatrix};
-use chladni_base::{Cancelled, Monitor};
+use chladni_base::{Cancelled, Monitor, stopped};
 
 /// Why pairs were not certified.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -43,14 +43,7 @@ pub enum CertificateError {
     Cancelled(#[from] Cancelled),
 }
 
-impl From<MultigridError> for CertificateError {
-    fn from(error: MultigridError) -> Self {
-        match error {
-            MultigridError::Cancelled(cancelled) => Self::Cancelled(cancelled),
-            other => Self::Hierarchy(other.to_string()),
-        }
-    }
-}
+stopped!(CertificateError: MultigridError => |error: MultigridError| Self::Hierarchy(error.to_string()));
 
 /// Up to this Ritz value (unit area) a pair counts as one of the kernel, whose relative residual (4.6) would compare
 /// rounding errors.
@@ -80,14 +73,6 @@ pub fn certify(
     monitor: &dyn Monitor,
 ) -> Result<(Certificate, Density), CertificateError> {
     let (n, d, m) = (space.rows(), space.columns(), coefficients.columns());
-    let misfit = CertificateError::Shape {
-        values: ritz.len(),
-        rows: coefficients.rows(),
-        columns: m,
-        vertices: n,
-        dimension: d,
-        size: problem.stiffness.rows(),
-    };
     let fits = problem.stiffness.rows() == n
         && problem.stiffness.columns() == n
         && problem.mass.size() == n
@@ -96,11 +81,18 @@ pub fn certify(
         && ritz.len() == m
         && (reduced_mass.rows(), reduced_mass.columns()) == (d, d);
     if !fits {
-        return Err(misfit);
+        return Err(CertificateError::Shape {
+            values: ritz.len(),
+            rows: coefficients.rows(),
+            columns: m,
+            vertices: n,
+            dimension: d,
+            size: problem.stiffness.rows(),
+        });
     }
     let (measures, density) = energy.measure(space, coefficients, ritz, KERNEL, goal, monitor)?;
     monitor.checkpoint()?;
-    let defect = gram_defect(reduced_mass, coefficients).ok_or(misfit)?;
+    let defect = gram_defect(reduced_mass, coefficients);
     let certificate =
         certificate_of(&measures, (infinity_norm(&problem.stiffness), defect, problem.area), coefficients, ritz);
     Ok((certificate, density))
@@ -147,8 +139,8 @@ pub(super) fn infinity_norm_of(matrix: &SparseMatrix, rows: impl ParallelIterato
     rows.map(|row| matrix.row(row as usize).1.iter().map(|v| v.abs()).sum::<f64>()).reduce(|| 0.0, f64::max)
 }
 
-/// The largest entry of `|φ̄ᵀ M̄ φ̄ − I|`; `None` where sizes do not fit.
-pub(super) fn gram_defect(mass: &SparseMatrix, coefficients: &DenseMatrix) -> Option<f64> {
+/// The largest entry of `|φ̄ᵀ M̄ φ̄ − I|`; `mass` is `d × d` and `coefficients` `d × m`, or the products panic.
+pub(super) fn gram_defect(mass: &SparseMatrix, coefficients: &DenseMatrix) -> f64 {
     let gram = coefficients.transposed_times(&mass.multiply_dense(coefficients));
     let mut worst = 0.0f64;
     for j in 0..gram.columns() {
@@ -156,7 +148,7 @@ pub(super) fn gram_defect(mass: &SparseMatrix, coefficients: &DenseMatrix) -> Op
             worst = worst.max((value - if i == j { 1.0 } else { 0.0 }).abs());
         }
     }
-    Some(worst)
+    worst
 }
 
 #[cfg(test)]

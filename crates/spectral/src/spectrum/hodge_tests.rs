@@ -172,7 +172,7 @@ fn kernels_of_real_surfaces_have_two_fields_for_each_handle() {
         let operator = operator(&surface);
         for (k, &value) in found.values.iter().enumerate() {
             let x = found.fields.column(k);
-            let energy = operator.harmonic_energy(&x).unwrap() / operator.norm_squared(&x);
+            let energy = operator.harmonic_energy(&x).unwrap() / operator.norm_squared(&x).unwrap();
             let scale = found.values[kernel];
             assert!(
                 (energy / operator.area - value).abs() < 1e-3 * value + 1e-6 * scale,

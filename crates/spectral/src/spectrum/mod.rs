@@ -14,6 +14,7 @@ pub mod hsim;
 mod lehmann;
 mod local;
 pub mod nested;
+mod peaks;
 pub mod pencil;
 pub mod radial;
 mod refine;

@@ -1,8 +1,10 @@
 //! Why a field cannot be designed, or something made of one.
 
-use chladni_base::Cancelled;
+use chladni_base::{Cancelled, stopped};
 use chladni_spectral::field::quad::QuadError;
-use chladni_spectral::field::{DesignError, FieldError, PrescribedError, RefineError, StreamlineError, TransportError};
+use chladni_spectral::field::{
+    DesignError, FieldError, PrescribedError, RefineError, StreamlineError, SurfaceError, TransportError,
+};
 
 /// Why a request about a field cannot be answered.
 #[derive(Debug, thiserror::Error)]
@@ -64,4 +66,17 @@ impl DesignFault {
     }
 }
 
-stopped!(DesignFault: FieldError => Field, DesignError => Design, RefineError => Refine, StreamlineError => Lines, QuadError => Quads);
+stopped!(
+    DesignFault:
+    FieldError => Self::Field,
+    DesignError => Self::Design,
+    RefineError => Self::Refine,
+    StreamlineError => Self::Lines,
+    QuadError => Self::Quads,
+);
+
+impl From<SurfaceError> for DesignFault {
+    fn from(error: SurfaceError) -> Self {
+        FieldError::from(error).into()
+    }
+}

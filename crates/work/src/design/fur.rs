@@ -2,7 +2,8 @@
 
 use chladni_base::Monitor;
 use chladni_spectral::field::{
-    Coat, CoatParameters, HairStyle, MOST_PAINTED, MOST_POINTS, MOST_STRAND_POINTS, Strand, fur, grow, paint,
+    Coat, CoatParameters, FieldMisfit, HairStyle, MOST_PAINTED, MOST_POINTS, MOST_STRAND_POINTS, Strand, fur, grow,
+    paint,
 };
 use chladni_spectral::operator::transport::FieldKind;
 use serde::Deserialize;
@@ -169,8 +170,12 @@ impl FurRequest {
     pub fn strands(&self, setting: &Setting, field: &[f32]) -> Result<Vec<Strand>, DesignFault> {
         outside(setting)?;
         let strands = fur(&setting.surface.surface, field, self.length, self.tilt, self.full);
-        let mut strands = strands
-            .ok_or_else(|| refused("fur", "length, tilt, full", "must be finite numbers, and full greater than 0"))?;
+        let mut strands = strands.map_err(|misfit| match misfit {
+            FieldMisfit::Strands => {
+                refused("fur", "length, tilt, full", "must be finite numbers, and full greater than 0")
+            }
+            other => refused("fur", "field", other.to_string()),
+        })?;
         for (strand, &factor) in strands.iter_mut().zip(self.lengths.iter().flatten()) {
             strand.tip = strand.tip.map(|x| x * f64::from(factor));
         }

@@ -7,7 +7,7 @@ use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::nearest::FaceHierarchy;
 use chladni_mesh::sample::farthest_points;
-use chladni_spectral::basis::{FieldBasis, StoredFields};
+use chladni_spectral::basis::{FieldBasis, FieldMisfit, StoredFields};
 use chladni_spectral::field::{
     Alignment, Constraint, Design, DesignError, DesignModel, EnergyWeights, FieldSurface, FullSpace, Hold, Matching,
     Prescribed, PrescribedField, Prescription, RefineError, Refined, USUAL_ROOM, WeightedModel, full_biharmonic,
@@ -524,7 +524,7 @@ impl Setting {
             (None, Some(refined)) => Ok(pick(refined)),
             (None, None) => {
                 let lifted = self.fields.basis.space.lift_faces(&designed.design.coefficients, faces);
-                lifted.ok_or_else(|| self.misfit(designed.design.coefficients.len()))
+                lifted.map_err(misfit)
             }
         }
     }
@@ -562,13 +562,17 @@ impl Setting {
     /// # Errors
     /// [`DesignFault::Request`] where they are not as many as the space has dimensions.
     pub fn lift(&self, coefficients: &[f32]) -> Result<Vec<f32>, DesignFault> {
-        self.fields.basis.space.lift(coefficients).ok_or_else(|| self.misfit(coefficients.len()))
+        self.fields.basis.space.lift(coefficients).map_err(misfit)
     }
+}
 
-    fn misfit(&self, found: usize) -> DesignFault {
-        let dimension = self.fields.dimension();
-        refused("coefficients", "coefficients", format!("{found} numbers are given for {dimension} dimensions"))
-    }
+/// What does not fit the space, as the request is told.
+fn misfit(misfit: FieldMisfit) -> DesignFault {
+    let reason = match misfit {
+        FieldMisfit::Numbers { found, expected, .. } => format!("{found} numbers are given for {expected} dimensions"),
+        other => other.to_string(),
+    };
+    refused("coefficients", "coefficients", reason)
 }
 
 /// Singular vertices with the numerators of their indices, in units of the smallest index that the kind of field has.

@@ -16,9 +16,7 @@ pub fn field(setting: &Setting, wanted: &AlignmentRequest, kept: &KeptFields) ->
         curvature_tensors(surface).map_err(|error| DesignFault::Curvature(error.to_string()))
     };
     let directions = |tensors: &[f64], n: u32| {
-        let misfit =
-            || DesignFault::Curvature(format!("{} numbers do not make tensors on {faces} faces", tensors.len()));
-        principal_directions(tensors, n).ok_or_else(misfit)
+        principal_directions(tensors, n).map_err(|misfit| DesignFault::Curvature(misfit.to_string()))
     };
     let anisotropy = |tensors: &[f64]| directions(tensors, 2).map(|field| field.weights);
     let (target, known) = match (&wanted.to, kind) {

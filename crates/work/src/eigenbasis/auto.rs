@@ -130,7 +130,7 @@ mod tests {
             let Method::Auto(auto) = &mut parameters.method else { panic!("not the method auto") };
             auto.approximate.accuracy = Accuracy::Goal(1e-6);
             let product = JobParameters::Eigenbasis(parameters).run(&mesh, &Unwatched).unwrap().product;
-            let details = product.summary().details;
+            let details = product.summary().unwrap().details;
             match details[FALLBACKS].as_array().map(Vec::as_slice) {
                 Some([missed]) if expected => {
                     let text = missed.as_str().unwrap();

@@ -1,8 +1,8 @@
 //! Eigenfunctions in the finest space of a hierarchy: a fraction of the storage, at a measured price.
 
 use chladni_algebra::{
-    DenseMatrix, GalerkinError, MassMatrix, PANEL_WIDTH, PanelMatrix, SparseMatrix, galerkin, orthonormalise,
-    solve_definite, space_times, space_transposed_mass_times,
+    DenseMatrix, MassMatrix, PANEL_WIDTH, PanelMatrix, SparseMatrix, galerkin, orthonormalise, solve_definite,
+    space_times, space_transposed_mass_times,
 };
 use chladni_base::Monitor;
 use chladni_base::parallel::*;
@@ -43,10 +43,7 @@ pub(super) fn project(
     let (n, d, m) = (space.rows(), space.columns(), vectors.columns());
     // Only the mass is wanted; a stiffness without entries costs nothing.
     let nothing = SparseMatrix::from_sorted_parts(n, n, vec![0; n + 1], Vec::new(), Vec::new());
-    let (_, reduced) = galerkin(&space, &nothing, mass, monitor).map_err(|error| match error {
-        GalerkinError::Cancelled(cancelled) => cancelled.into(),
-        other => numerical(other.to_string()),
-    })?;
+    let (_, reduced) = galerkin(&space, &nothing, mass, monitor).map_err(HsimError::from)?;
     let panels = m.div_ceil(PANEL_WIDTH);
     let mut coefficients = DenseMatrix::zeros(d, m);
     for panel in 0..panels {

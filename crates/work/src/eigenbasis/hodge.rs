@@ -3,7 +3,7 @@
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
 use chladni_spectral::basis::{Basis, Certificate, DenseFunctions, Functions, Precision};
-use chladni_spectral::field::{FieldSurface, HarmonicError, PoissonError, harmonic_fields};
+use chladni_spectral::field::{FieldSurface, HarmonicError, harmonic_fields};
 use chladni_spectral::operator::hodge::{FieldBoundary, hodge_problem};
 use chladni_spectral::operator::{MassKind, MassMatrix, OperatorError, OperatorParameters};
 use chladni_spectral::spectrum::hodge::{FieldPart, hodge_spectrum, settle_bytes};
@@ -60,7 +60,7 @@ pub fn run(
     monitor.checkpoint()?;
     monitor.stage("harmonic");
     let harmonic = harmonic_fields(&surface, boundary, monitor).map_err(|error| match error {
-        HarmonicError::Poisson(PoissonError::Cancelled(cancelled)) => JobError::Cancelled(cancelled),
+        HarmonicError::Cancelled(cancelled) => JobError::Cancelled(cancelled),
         other => refused(other.to_string()),
     })?;
     let (dual, frames) = (surface.dual(), surface.frames());

@@ -1,8 +1,12 @@
 //! How far the lowest approximate eigenfields of a basis are off.
 
+use std::ops::Range;
+
 use chladni_base::Monitor;
 use chladni_spectral::basis::{FieldBasis, FieldCertificate};
-use chladni_spectral::field::{DesignModel, EigenfieldGoal, FieldSurface, FullSpace, LowestFields, USUAL_ROOM};
+use chladni_spectral::field::{
+    DesignError, DesignModel, EigenfieldGoal, FieldSurface, FullSpace, LowestFields, USUAL_ROOM,
+};
 use chladni_spectral::operator::hodge::FieldBoundary;
 
 use crate::JobError;
@@ -69,16 +73,17 @@ pub fn judged(
     monitor.stage("errors");
     let idle = LowestFields::idle(model.values());
     let [wanted, together] = [judging.wanted, judging.together].map(|own| (idle + own).min(model.dimension()));
-    // What a model of another space cannot lift has no numbers, and is refused for that below.
-    let lifted = |k: usize| basis.space.lift(&model.eigenfield(k)).into_iter().flatten().map(f64::from).collect();
+    let lifted = |range: Range<usize>| -> Result<Vec<Vec<f64>>, DesignError> {
+        let one = |k: usize| Ok(basis.space.lift(&model.eigenfield(k))?.into_iter().map(f64::from).collect());
+        range.map(one).collect()
+    };
     let goal = EigenfieldGoal::Estimate;
     if idle > FEW_IDLE && full.count_idle(monitor)? == Some(idle) {
         // Surfaces of many components have that many. Their own are found by component, and what the values of the
         // basis lie above is zero.
-        let above =
-            full.eigenfields_above_idle((idle..together).map(lifted).collect(), wanted - idle, goal, monitor)?;
+        let above = full.eigenfields_above_idle(lifted(idle..together)?, wanted - idle, goal, monitor)?;
         return Ok(Some(above.certificate_above(model.values(), idle, basis.area)));
     }
-    let found = full.eigenfields((0..together).map(lifted).collect(), wanted, goal, monitor)?;
+    let found = full.eigenfields(lifted(0..together)?, wanted, goal, monitor)?;
     Ok(Some(found.certificate(model.values(), basis.area)))
 }

@@ -7,7 +7,7 @@ use chladni_base::{Cancelled, Monitor, SplitMix64};
 
 use crate::operator::frames::{cross, dot, unit_vector};
 
-use super::super::basis::FieldSurface;
+use super::super::surface::FieldSurface;
 use super::light::{blend, corner_normals};
 
 /// Points that a strand has at most.

@@ -8,7 +8,7 @@ use chladni_base::{Cancelled, Monitor, SplitMix64};
 
 use crate::operator::frames::{dot, unit_vector};
 
-use super::super::basis::FieldSurface;
+use super::super::surface::FieldSurface;
 use super::camera::{Camera, View, diagonal};
 use super::coat::Coat;
 use super::light::{blend, corner_normals, from_light, usual};

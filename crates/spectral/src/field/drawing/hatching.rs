@@ -10,8 +10,8 @@ use chladni_mesh::TriangleMesh;
 
 use crate::operator::frames::{Planar, cross, dot};
 
-use super::super::basis::FieldSurface;
 use super::super::streamline::Streamline;
+use super::super::surface::FieldSurface;
 use super::camera::{Camera, View};
 use super::ink::{Drawing, Nib};
 use super::light::{Light, blend, corner_normals};

@@ -6,8 +6,8 @@ use chladni_mesh::dual::NO_FACE;
 
 use crate::operator::frames::dot;
 
-use super::super::basis::FieldSurface;
 use super::super::streamline::Streamline;
+use super::super::surface::FieldSurface;
 use super::camera::diagonal;
 use super::light::CREASE;
 

@@ -11,7 +11,7 @@ use std::collections::HashMap;
 use chladni_base::Monitor;
 use chladni_mesh::dual::NO_FACE;
 
-use super::super::basis::FieldSurface;
+use super::super::surface::FieldSurface;
 use super::smoothest::smoothest;
 use super::{QuadError, creases};
 use crate::operator::frames::{Planar, multiply, normalise, power};

@@ -12,10 +12,10 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use chladni_base::parallel::*;
 use chladni_mesh::dual::NO_FACE;
 
-use super::super::basis::FieldSurface;
 use super::super::harmonic::rim;
 use super::super::loops::{Sets, ends};
 use super::super::singularity::{Matching, Singularity, least_angles};
+use super::super::surface::FieldSurface;
 use super::QuadError;
 use crate::operator::frames::{Planar, Turn, multiply, power};
 use crate::operator::transport::FieldKind;
@@ -51,7 +51,7 @@ const KIND: FieldKind = FieldKind::NVector { n: 4 };
 pub fn comb(surface: &FieldSurface, field: &[f32], matching: &[Matching]) -> Result<Combed, QuadError> {
     surface.dual().oriented()?;
     let faces = surface.faces();
-    let Some(mut angles) = least_angles(surface, KIND, field) else {
+    let Ok(mut angles) = least_angles(surface, KIND, field) else {
         return Err(QuadError::Field { found: field.len(), wanted: 2 * faces });
     };
     for matched in matching {

@@ -2,7 +2,7 @@
 
 use chladni_mesh::dual::NO_FACE;
 
-use super::super::basis::FieldSurface;
+use super::super::surface::FieldSurface;
 use crate::operator::frames::dot;
 
 /// The inner edges whose faces turn by at least `angle` degrees from one to the other, and with `boundary` those of one

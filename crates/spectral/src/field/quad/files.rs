@@ -5,8 +5,8 @@ use std::io::{self, Write};
 
 use chladni_mesh::dual::NO_FACE;
 
-use super::super::basis::FieldSurface;
 use super::super::loops::ends;
+use super::super::surface::FieldSurface;
 use super::{Combed, Parametrisation};
 use crate::operator::frames::{multiply, power};
 

@@ -7,9 +7,9 @@
 use chladni_algebra::{Ordering, SparseMatrix, fill_reducing_order};
 use chladni_base::Monitor;
 
-use super::super::basis::FieldSurface;
 use super::super::loops::ends;
 use super::super::poisson::Factor;
+use super::super::surface::FieldSurface;
 use super::dissection::{Neighbours, dissected};
 use super::rounding;
 use super::seams::Seams;

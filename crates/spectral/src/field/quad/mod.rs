@@ -41,7 +41,7 @@ pub use integrate::{Parametrisation, ParametrisationParameters, VertexOrder, par
 pub use split::{crowded, split};
 
 use chladni_algebra::FactorError;
-use chladni_base::Cancelled;
+use chladni_base::{Cancelled, stopped};
 use chladni_mesh::dual::OneSided;
 
 use super::poisson::PoissonError;
@@ -123,11 +123,13 @@ pub enum QuadError {
     },
     /// Equations were not solved.
     #[error("the equations on the surface could not be solved: {0}")]
-    Factor(#[from] FactorError),
+    Factor(FactorError),
     /// The work was cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }
+
+stopped!(QuadError: FactorError => Self::Factor);
 
 impl From<PoissonError> for QuadError {
     fn from(error: PoissonError) -> Self {

@@ -7,9 +7,9 @@
 
 use std::collections::HashMap;
 
-use super::super::basis::FieldSurface;
 use super::super::harmonic::rim;
 use super::super::loops::ends;
+use super::super::surface::FieldSurface;
 use super::{Combed, QuadError};
 
 /// A complex number of whole parts.

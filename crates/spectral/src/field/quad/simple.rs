@@ -10,8 +10,8 @@ use std::f64::consts::TAU;
 
 use chladni_base::parallel::*;
 
-use super::super::basis::FieldSurface;
 use super::super::singularity::least_angles;
+use super::super::surface::FieldSurface;
 use super::QuadError;
 use super::smoothest::KIND;
 use crate::operator::frames::{Planar, Turn, normalise, power};
@@ -85,7 +85,8 @@ fn zeros(surface: &FieldSurface, held: &[Option<Planar>], field: &[Planar]) -> V
     let (dual, frames, mesh) = (surface.dual(), surface.frames(), surface.mesh());
     let unit = |(value, held): (&Planar, &Option<Planar>)| held.unwrap_or_else(|| normalise(*value)).map(|x| x as f32);
     let stored: Vec<f32> = field.iter().zip(held).flat_map(unit).collect();
-    let Some(angles) = least_angles(surface, KIND, &stored) else { return Vec::new() };
+    // Sizes fit: every face of the surface has put its numbers there.
+    let Ok(angles) = least_angles(surface, KIND, &stored) else { return Vec::new() };
     let one = |corners: &mut Vec<u32>, vertex: u32| {
         if !dual.fan(mesh, vertex, corners) {
             return None;

@@ -9,13 +9,13 @@ use chladni_algebra::{Block, BlockMatrix, DefiniteFactor, DenseMatrix};
 use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor, SplitMix64};
 
-use super::super::basis::FieldSurface;
 use super::super::cycle::Cycles;
 use super::super::hierarchy::{Level, hierarchy};
 use super::super::poisson::Factor;
 use super::super::principal::{DirectionField, curvature_tensors, principal_directions};
 use super::super::refine::RefineError;
 use super::super::refine_response::conjugate_gradients;
+use super::super::surface::FieldSurface;
 use super::QuadError;
 use super::simple::split_zeros;
 use crate::operator::frames::{Planar, normalise};
@@ -142,7 +142,7 @@ impl<'a> Wanted<'a> {
 /// Directions of curvature with their weights; faces that are flat up to rounding have none.
 fn pull(surface: &FieldSurface) -> Option<DirectionField> {
     let tensors = curvature_tensors(surface).ok()?;
-    let mut field = principal_directions(&tensors, 4)?;
+    let mut field = principal_directions(&tensors, 4).ok()?;
     let unit = surface.frames().area().sqrt();
     for (weight, tensor) in field.weights.iter_mut().zip(tensors.chunks_exact(3)) {
         let size = unit * tensor.iter().map(|x| x * x).sum::<f64>().sqrt();

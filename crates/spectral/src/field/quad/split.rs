@@ -2,7 +2,7 @@
 
 use chladni_mesh::TriangleMesh;
 
-use super::super::basis::FieldSurface;
+use super::super::surface::FieldSurface;
 use super::aligned::{off, sides};
 use crate::operator::frames::power;
 

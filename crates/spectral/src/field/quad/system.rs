@@ -8,8 +8,8 @@
 use chladni_algebra::SparseMatrix;
 use chladni_base::parallel::*;
 
-use super::super::basis::FieldSurface;
 use super::super::loops::{Sets, ends};
+use super::super::surface::FieldSurface;
 use super::aligned::{off, sides};
 use super::seams::{Seams, Whole, quarter_turned};
 use super::{Combed, VertexOrder};

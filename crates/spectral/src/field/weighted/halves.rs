@@ -3,12 +3,12 @@
 
 use std::sync::Arc;
 
-use chladni_algebra::{DenseMatrix, Sides};
+use chladni_algebra::{DenseMatrix, Sides, dot_in_order};
 use chladni_base::parallel::*;
 
 use super::super::constraints::Condition;
 use super::super::design::DesignError;
-use super::super::idle::{Idle, Kernel, dot};
+use super::super::idle::{Idle, Kernel};
 use super::super::pencil_inverse::{FewHalves, Half, SparseInverse};
 use super::{Inverse, Pull, WeightedModel};
 use crate::basis::FieldBasis;
@@ -28,7 +28,7 @@ impl IdleHalves {
     fn new(inverse: &SparseInverse, idle: &[Idle]) -> Self {
         let halves: Vec<Half> = idle.iter().map(|one| inverse.eliminated(&one.image)).collect();
         let solved: Vec<Vec<f64>> = halves.iter().map(|half| inverse.substituted(half.clone()).0).collect();
-        let square = idle.iter().map(|one| solved.iter().map(|x| dot(&one.image, x)).collect()).collect();
+        let square = idle.iter().map(|one| solved.iter().map(|x| dot_in_order(&one.image, x)).collect()).collect();
         Self { halves, square }
     }
 }
@@ -77,17 +77,20 @@ impl WeightedModel {
         // Of each constrained number those of the fields without energy, and their products with half of its solve.
         let (mut values, mut with): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
         if !idle.is_empty() {
-            values =
-                (0..rows.columns()).map(|i| idle.iter().map(|one| dot(&one.field, rows.column(i))).collect()).collect();
+            values = (0..rows.columns())
+                .map(|i| idle.iter().map(|one| dot_in_order(&one.field, rows.column(i))).collect())
+                .collect();
             let products =
                 |half: &Arc<FewHalves>| own.halves.iter().map(|idle| half.product_with(idle)).collect::<Vec<_>>();
             for all in halves.par_iter().map(products).collect::<Vec<_>>() {
                 with.extend((0..b).map(|i| all.iter().map(|own| own[i]).collect::<Vec<f64>>()));
             }
             for j in 0..rows.columns() {
-                let turned: Vec<f64> = own.square.iter().map(|row| dot(row, &values[j])).collect();
+                let turned: Vec<f64> = own.square.iter().map(|row| dot_in_order(row, &values[j])).collect();
                 for (i, entry) in compliance.column_mut(j).iter_mut().enumerate() {
-                    *entry += dot(&values[i], &turned) - dot(&with[i], &values[j]) - dot(&values[i], &with[j]);
+                    *entry += dot_in_order(&values[i], &turned)
+                        - dot_in_order(&with[i], &values[j])
+                        - dot_in_order(&values[i], &with[j]);
                 }
             }
         }
@@ -100,7 +103,7 @@ impl WeightedModel {
         }
         let (mut moved, laplacian) = inverse.substituted(half);
         for one in idle {
-            let share = dot(&one.image, &moved);
+            let share = dot_in_order(&one.image, &moved);
             moved.iter_mut().zip(&one.field).for_each(|(x, z)| *x -= share * z);
         }
         // Beside a field that is there already, its own would have to be known.

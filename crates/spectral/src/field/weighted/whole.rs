@@ -6,24 +6,28 @@ use super::super::constraints::{Condition, check, conditions, without_repetition
 use super::super::design::{Constraint, DesignError};
 use super::super::refine_response::{Sum, add, dot};
 use super::WeightedModel;
-use crate::basis::FieldBasis;
+use crate::basis::{FieldBasis, FieldMisfit};
 
 impl WeightedModel {
     /// Fields of next to no energy, as they are stored; `None` where alignments hold them and the model does not know
     /// them.
-    pub(in super::super) fn idle_fields(&self, basis: &FieldBasis) -> Option<Vec<Vec<f64>>> {
+    ///
+    /// # Errors
+    /// [`FieldMisfit`] where the basis is not that of the model.
+    pub(in super::super) fn idle_fields(&self, basis: &FieldBasis) -> Result<Option<Vec<Vec<f64>>>, FieldMisfit> {
         let model = &self.model;
         let coefficients: Vec<Vec<f32>> = if model.has_ritz() {
             let least = model.least_value();
             let count = model.values().iter().take_while(|v| **v <= least).count();
             (0..count).map(|k| model.eigenfield(k)).collect()
         } else if self.alignments.is_empty() {
-            self.idle()?.iter().map(|one| one.field.iter().map(|&x| x as f32).collect()).collect()
+            let Some(idle) = self.idle() else { return Ok(None) };
+            idle.iter().map(|one| one.field.iter().map(|&x| x as f32).collect()).collect()
         } else {
-            return None;
+            return Ok(None);
         };
         let wide = |field: Vec<f32>| field.into_iter().map(f64::from).collect();
-        coefficients.iter().map(|own| basis.space.lift(own).map(wide)).collect()
+        coefficients.iter().map(|own| basis.space.lift(own).map(wide)).collect::<Result<_, _>>().map(Some)
     }
 
     /// What the energies add up to on the faces, and what alignments pull with there.

@@ -59,7 +59,7 @@ pub(super) fn read(bytes: &[u8], limits: &MatrixLimits) -> Result<SparseMatrix, 
         "csr" => archive.compressed(rows, columns),
         // By columns: the rows of the transpose. What is solved is symmetric, and what is not is told by its entries as
         // they stand.
-        "csc" => archive.compressed(columns, rows).and_then(|matrix| transposed(&matrix)),
+        "csc" => archive.compressed(columns, rows).map(|matrix| matrix.transpose()),
         "coo" => archive.coordinates(rows, columns),
         "dia" => archive.diagonals(rows, columns),
         "bsr" => archive.blocks(rows, columns),
@@ -212,10 +212,4 @@ impl Archive<'_> {
         }
         from_triplets(rows, columns, (&places, &across, &values))
     }
-}
-
-fn transposed(matrix: &SparseMatrix) -> Result<SparseMatrix, MatrixError> {
-    let columns: Vec<u32> =
-        (0..matrix.rows() as u32).flat_map(|row| std::iter::repeat_n(row, matrix.row(row as usize).0.len())).collect();
-    from_triplets(matrix.columns(), matrix.rows(), (matrix.indices(), &columns, matrix.values()))
 }

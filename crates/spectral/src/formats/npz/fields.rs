@@ -53,7 +53,7 @@ pub fn write_fields<W: Write + Seek>(
         members.add("ritz_vectors", "<f4", false, &[d, d], bytemuck::cast_slice(vectors))?;
     }
     members.floats("area", &[*area])?;
-    members.text("kind", &serde_json::to_value(kind).unwrap_or_default().to_string())?;
+    members.text("kind", &serde_json::to_string(kind).map_err(std::io::Error::from)?)?;
     members.text("metadata", &fields.metadata.to_string())?;
     members.maps(numbering)?;
     members.archive.finish()?.flush()?;

@@ -70,19 +70,8 @@ pub fn operators_within<R: Read + Seek>(archive: R) -> Option<usize> {
 
 /// The pattern of a square matrix by columns, and where each of its entries stands by rows.
 fn transposed(n: usize, offsets: &[usize], indices: &[u32]) -> (Vec<usize>, Vec<u32>, Vec<usize>) {
-    let mut starts = vec![0; n + 1];
-    indices.iter().for_each(|&column| starts[column as usize + 1] += 1);
-    (0..n).for_each(|column| starts[column + 1] += starts[column]);
-    let mut next = starts.clone();
-    let (mut rows, mut from) = (vec![0; indices.len()], vec![0; indices.len()]);
-    for row in 0..n {
-        for at in offsets[row]..offsets[row + 1] {
-            let slot = &mut next[indices[at] as usize];
-            (rows[*slot], from[*slot]) = (row as u32, at);
-            *slot += 1;
-        }
-    }
-    (starts, rows, from)
+    let places = (0..indices.len()).collect();
+    SparseMatrix::from_sorted_parts(n, n, offsets.to_vec(), indices.to_vec(), places).transpose().into_parts()
 }
 
 impl<W: Write + Seek> Members<W> {

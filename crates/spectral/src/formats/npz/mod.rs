@@ -168,7 +168,7 @@ impl<W: Write + Seek> Members<W> {
                 self.pattern("mass_", matrix)?;
             }
         }
-        self.text("certificate", &certificate_text(&basis.certificate))?;
+        self.text("certificate", &certificate_value(&basis.certificate)?.to_string())?;
         self.text("metadata", &basis.metadata.to_string())
     }
 
@@ -366,14 +366,14 @@ pub fn to_bytes(basis: &Basis) -> Result<Vec<u8>, FormatError> {
 }
 
 /// The certificate without what has members of its own.
-pub(super) fn certificate_text(certificate: &Certificate) -> String {
-    let mut value = serde_json::to_value(certificate).unwrap_or_default();
+pub(super) fn certificate_value(certificate: &Certificate) -> std::io::Result<serde_json::Value> {
+    let mut value = serde_json::to_value(certificate)?;
     if let Some(object) = value.as_object_mut() {
         object.remove("residuals");
         object.remove("bounds");
         object.remove("estimates");
     }
-    value.to_string()
+    Ok(value)
 }
 
 #[cfg(test)]

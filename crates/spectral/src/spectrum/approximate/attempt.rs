@@ -145,7 +145,7 @@ impl Attempt {
             let shares = energy.shares(&own, &pairs.vectors, &pairs.values, KERNEL, &portion)?;
             sums.iter_mut().zip(&shares).for_each(|(sum, share)| sum.add(share));
         }
-        let defect = gram_defect(mass, &pairs.vectors).unwrap_or(f64::INFINITY);
+        let defect = gram_defect(mass, &pairs.vectors);
         let of = (infinity_norm(&problem.stiffness), defect, problem.area);
         let measures = measures(&sums, &pairs.values, KERNEL);
         self.certificate = certificate_of(&measures, of, &mut pairs.vectors, &pairs.values);

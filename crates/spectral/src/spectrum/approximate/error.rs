@@ -4,7 +4,7 @@ use super::super::certificate::CertificateError;
 use super::super::heat::HeatError;
 use super::super::radial::RadialError;
 use chladni_algebra::{EigenError, GalerkinError};
-use chladni_base::Cancelled;
+use chladni_base::{Cancelled, stopped};
 
 /// Why an approximation failed.
 #[derive(Debug, thiserror::Error)]
@@ -68,25 +68,13 @@ pub enum ApproximationError {
     },
 }
 
-/// Each room says `Cancelled` in its own words; here all become one.
-macro_rules! cancelled_apart {
-    ($($variant:ident($error:ident)),*) => {$(
-        impl From<$error> for ApproximationError {
-            fn from(error: $error) -> Self {
-                match error {
-                    $error::Cancelled(cancelled) => Self::Cancelled(cancelled),
-                    other => Self::$variant(other),
-                }
-            }
-        }
-    )*};
-}
-cancelled_apart!(
-    Radial(RadialError),
-    Heat(HeatError),
-    Reduce(GalerkinError),
-    Eigen(EigenError),
-    Certificate(CertificateError)
+stopped!(
+    ApproximationError:
+    RadialError => Self::Radial,
+    HeatError => Self::Heat,
+    GalerkinError => Self::Reduce,
+    EigenError => Self::Eigen,
+    CertificateError => Self::Certificate,
 );
 
 impl ApproximationError {

@@ -225,7 +225,7 @@ impl<'a> Parted<'a> {
         monitor.stage("bounds");
         let Ritz { space, mass, pairs, .. } = ritz;
         let EigenPairs { values, vectors: coefficients, .. } = pairs;
-        let orthonormality_defect = gram_defect(&mass, &coefficients).unwrap_or(f64::INFINITY);
+        let orthonormality_defect = gram_defect(&mass, &coefficients);
         drop(mass);
         let pieces = rows.len().div_ceil(rows_at_once).max(1);
         let mut piece_of = vec![u32::MAX; space.rows()];

@@ -24,6 +24,7 @@ use std::borrow::Borrow;
 
 use chladni_base::parallel::*;
 
+use super::peaks::{NO_PEAK, Peaks};
 use super::radial::Grown;
 use crate::operator::{EigenProblem, LaplacianByRows};
 use chladni_algebra::SparseMatrix;
@@ -253,7 +254,7 @@ pub(super) fn smooth_by_rows(
         Some(vertices) => columns.select_rows(vertices),
         None => columns.select_rows(&(0..n as u32).collect::<Vec<u32>>()),
     };
-    let start = Start { peaks: Peaks { vertices, heights }, d, rows };
+    let start = Start { peaks: Peaks { rows: vertices, heights }, d, rows };
     Ok(Some(diffused((problem.mesh(), problem.area()), level, start, parameters, monitor)?))
 }
 
@@ -274,7 +275,7 @@ fn diffused(
     parameters: &HeatParameters,
     monitor: &dyn Monitor,
 ) -> Result<Diffused, HeatError> {
-    let Start { peaks: Peaks { vertices: peaks, heights }, d, rows } = start;
+    let Start { peaks: Peaks { rows: peaks, heights }, d, rows } = start;
     let heat = panel::Heat {
         steps: parameters.steps,
         time: (parameters.time / d.max(1) as f64) as f32,
@@ -356,45 +357,18 @@ fn coarsen(
     }
 }
 
-/// The largest entry of every column (the first of equals).
-struct Peaks {
-    vertices: Vec<u32>,
-    heights: Vec<f32>,
-}
-
+/// The largest entry of every column, where every column has one and every row is covered.
 fn peaks(columns: &SparseMatrix<f32>) -> Result<Peaks, HeatError> {
-    const ROWS: usize = 1 << 16;
-    let (n, d) = (columns.rows(), columns.columns());
-    let part = |from: usize| {
-        let (mut peaks, mut heights) = (vec![u32::MAX; d], vec![0f32; d]);
-        for vertex in from..n.min(from + ROWS) {
-            let (indices, values) = columns.row(vertex);
-            let mut sum = 0.0;
-            for (&column, &value) in indices.iter().zip(values) {
-                sum += value;
-                if value > heights[column as usize] {
-                    (heights[column as usize], peaks[column as usize]) = (value, vertex as u32);
-                }
-            }
-            if !(sum > 0.0 && sum.is_finite()) {
-                return Err(HeatError::Uncovered { vertex });
-            }
-        }
-        Ok(Peaks { vertices: peaks, heights })
+    let is_bare = |&row: &usize| {
+        let sum: f32 = columns.row(row).1.iter().fold(0.0, |sum, value| sum + value);
+        !(sum > 0.0 && sum.is_finite())
     };
-    let parts: Vec<Result<Peaks, HeatError>> =
-        (0..n.div_ceil(ROWS)).into_par_iter().map(|at| part(at * ROWS)).collect();
-    let (mut peaks, mut heights) = (vec![u32::MAX; d], vec![0f32; d]);
-    for part in parts {
-        let part = part?;
-        for column in 0..d {
-            if part.heights[column] > heights[column] {
-                (heights[column], peaks[column]) = (part.heights[column], part.vertices[column]);
-            }
-        }
+    if let Some(vertex) = (0..columns.rows()).into_par_iter().find_first(is_bare) {
+        return Err(HeatError::Uncovered { vertex });
     }
-    match peaks.iter().position(|&peak| peak == u32::MAX) {
+    let peaks = Peaks::of(columns);
+    match peaks.rows.iter().position(|&row| row == NO_PEAK) {
         Some(column) => Err(HeatError::EmptyColumn { column }),
-        None => Ok(Peaks { vertices: peaks, heights }),
+        None => Ok(peaks),
     }
 }

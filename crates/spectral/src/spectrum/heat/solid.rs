@@ -84,7 +84,7 @@ pub fn smooth_in_solid(
         tolerance: parameters.tolerance as f32,
     };
     level.mass.iter_mut().zip(&level.diagonal).for_each(|(mass, s)| *mass = mass.max(LEAST_MASS * heat.time * s));
-    let spread = panel::diffuse(&level, columns, &tops.vertices, &heat, monitor)?;
+    let spread = panel::diffuse(&level, columns, &tops.rows, &heat, monitor)?;
     let mut result = cut(&spread, least, &shares);
     shrink::refill_columns(&mut result, &spread, d);
     Ok(result)

@@ -96,7 +96,7 @@ fn heat_steps_agree_with_a_dense_solve() {
     let start = Start::new(noisy(&generate(Shape::Torus, 300).unwrap(), 0.2, 2).unwrap(), 20);
     let (n, time) = (start.mesh.positions.len(), 0.004);
     let level = Level::finest(&start.problem, &start.connectivity).unwrap();
-    let peaks = peaks(&start.columns).unwrap().vertices;
+    let peaks = peaks(&start.columns).unwrap().rows;
     let heat = panel::Heat { steps: 2, time: time as f32, margin: 10.0, kept: Kept::positive(0.0), tolerance: 1e-6 };
     let spread = panel::diffuse(&level, &start.columns, &peaks, &heat, &Unwatched).unwrap();
 
@@ -302,7 +302,7 @@ fn every_level_is_semi_definite_on_meshes_of_thin_triangles() {
         let mut mesh = noisy(&generate(shape, 3000).unwrap(), 0.35, 5).unwrap();
         mesh.positions.iter_mut().for_each(|p| p[2] *= squeeze);
         let start = Start::new(mesh, 20);
-        let peaks = peaks(&start.columns).unwrap().vertices;
+        let peaks = peaks(&start.columns).unwrap().rows;
         let level = Level::finest(&start.problem, &start.connectivity).unwrap();
         let unit = 1.0 / start.problem.area.sqrt();
         let positions: Vec<[f32; 3]> = start.mesh.positions.iter().map(|p| p.map(|x| (x * unit) as f32)).collect();
@@ -333,7 +333,7 @@ fn diffused_columns_obey_the_maximum_principle_beside_needles() {
         }
         let heat =
             panel::Heat { steps: 4, time: 0.05 / 40.0, margin: 1.0, kept: Kept::positive(1e-4), tolerance: 3e-3 };
-        let tops = peaks(&start.columns).unwrap().vertices;
+        let tops = peaks(&start.columns).unwrap().rows;
         let spread = panel::diffuse(&level, &start.columns, &tops, &heat, &Unwatched).unwrap();
         let highest = |columns: &SparseMatrix<f32>| columns.values().iter().copied().fold(0.0, f32::max);
         let (before, after) = (highest(&start.columns), highest(&spread));

@@ -38,7 +38,8 @@ const SOLVES: usize = 2;
 /// `tolerance` and the harmonic fields. Fields that it does not improve stay as they are.
 ///
 /// # Errors
-/// [`HsimError::Cancelled`]. A matrix that cannot be factored leaves everything as it is.
+/// [`HsimError`]: memory that was promised cannot be had; cancellation. A matrix that has no factor, or one that fills
+/// in more than was promised, leaves everything as it is.
 pub(super) fn settle(
     spectrum: &mut HodgeSpectrum,
     (mesh, dual, frames): (&TriangleMesh, &DualGraph, &FaceFrames),
@@ -90,33 +91,48 @@ pub(super) fn settle(
     Ok(())
 }
 
-/// Inverse iterations from some columns; nothing where the matrix cannot be factored, or takes more memory than was
-/// promised.
+/// Inverse iterations from some columns; nothing where no factor of the matrix exists or its factor takes more memory
+/// than was promised.
+///
+/// # Errors
+/// [`HsimError`]: memory that was promised cannot be had; cancellation.
 fn solved(
     (stiffness, mass): (&SparseMatrix, &MassMatrix),
     shift: f64,
     columns: &PanelMatrix,
     monitor: &dyn Monitor,
-) -> Result<Option<PanelMatrix>, Cancelled> {
+) -> Result<Option<PanelMatrix>, HsimError> {
     let n = stiffness.rows();
-    let attempt = || -> Result<Option<PanelMatrix>, FactorError> {
+    let attempt = || -> Result<PanelMatrix, FactorError> {
         let order = fill_reducing_order(stiffness, Ordering::NestedDissection)?;
         let (stiffness, mass) = (stiffness.reordered(&order), mass.reordered(&order));
         let symbolic = SymbolicFactor::new(&stiffness, &mass)?.within(1, monitor)?;
         let factor = symbolic.factor(&stiffness, &mass, shift)?;
         let factors = vec![1.0; columns.columns()];
         let mut solved = columns.clone().spread(n, &inverse(&order), &factors);
-        let done = solved.panels_mut().par_iter_mut().try_for_each_init(Vec::new, |scratch, panel| {
+        solved.panels_mut().par_iter_mut().try_for_each_init(Vec::new, |scratch, panel| {
             for _ in 0..SOLVES {
                 monitor.checkpoint()?;
                 apply_mass(&mass, panel, scratch);
                 factor.solve_panel(panel);
             }
             Ok::<(), Cancelled>(())
-        });
-        Ok(done.is_ok().then(|| solved.spread(n, &order, &factors)))
+        })?;
+        Ok(solved.spread(n, &order, &factors))
     };
-    let solved = attempt().unwrap_or_default();
+    let solved = match attempt() {
+        Ok(solved) => Some(solved),
+        // The fields are as they were found, and their residuals say so.
+        Err(
+            FactorError::Singular { .. }
+            | FactorError::Promise { .. }
+            | FactorError::Ordering { .. }
+            | FactorError::TooLarge { .. },
+        ) => None,
+        Err(error @ (FactorError::Memory { .. } | FactorError::Shape { .. } | FactorError::Cancelled(_))) => {
+            return Err(error.into());
+        }
+    };
     monitor.checkpoint()?;
     Ok(solved)
 }

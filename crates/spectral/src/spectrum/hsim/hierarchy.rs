@@ -9,6 +9,7 @@ use super::kernel::Kernel;
 use super::level::{Level, coarsened, space};
 use super::tuning::TUNING;
 use super::{HsimError, LevelReport};
+use crate::spectrum::peaks::{NO_PEAK, Peaks};
 
 /// Where to start from.
 pub(super) struct Start {
@@ -66,7 +67,11 @@ pub(super) fn start(
     for (k, &size) in sizes.iter().enumerate().rev() {
         let level = levels.last().unwrap_or(fine);
         let (functions, centres) = match given.filter(|_| levels.is_empty()) {
-            Some(given) => (given.clone(), peaks(given)),
+            Some(given) => {
+                // A column of zeros belongs anywhere.
+                let at = |&row: &u32| if row == NO_PEAK { 0 } else { row };
+                (given.clone(), Peaks::of(given).rows.iter().map(at).collect())
+            }
             None => space(level, size, sigma, seed.wrapping_add(k as u64), monitor)?,
         };
         let ordering = (k > 0).then_some(Ordering::Amd);
@@ -102,18 +107,4 @@ pub(super) fn start(
     }
     let space = spaces.swap_remove(0);
     Ok(Start { space, vectors, values, reports })
-}
-
-/// The row in which each column is largest.
-fn peaks(space: &SparseMatrix<f32>) -> Vec<u32> {
-    let mut peaks = vec![(0u32, 0f32); space.columns()];
-    for row in 0..space.rows() {
-        let (columns, values) = space.row(row);
-        for (&column, &value) in columns.iter().zip(values) {
-            if value > peaks[column as usize].1 {
-                peaks[column as usize] = (row as u32, value);
-            }
-        }
-    }
-    peaks.into_iter().map(|peak| peak.0).collect()
 }

@@ -10,9 +10,9 @@
 //! orthogonal to all before them.
 
 use chladni_algebra::{
-    DenseMatrix, EigenError, Factor, KRYLOV_WIDTH, KrylovRow, KrylovSquare, PANEL_WIDTH, PanelMatrix, SolveScratch,
-    SolveTree, SymbolicFactor, append_blocks, basis_products, block_gram, block_products, block_times_square,
-    lowest_symmetric, mass_times_block, rotate_and_spare, subtract_blocks, subtract_from_blocks,
+    DenseMatrix, Factor, KRYLOV_WIDTH, KrylovRow, KrylovSquare, PANEL_WIDTH, PanelMatrix, SolveScratch, SolveTree,
+    SymbolicFactor, append_blocks, basis_products, block_gram, block_products, block_times_square, lowest_symmetric,
+    mass_times_block, rotate_and_spare, subtract_blocks, subtract_from_blocks,
 };
 use chladni_base::{Monitor, Quiet, SplitMix64};
 
@@ -410,11 +410,7 @@ impl<'a> Space<'a> {
                 }
             }
         }
-        let failed = |error: EigenError| match error {
-            EigenError::Cancelled(cancelled) => HsimError::Cancelled(cancelled),
-            error => HsimError::Numerical(error.to_string()),
-        };
-        let pairs = lowest_symmetric(matrix, m, &Quiet(self.monitor)).map_err(failed)?;
+        let pairs = lowest_symmetric(matrix, m, &Quiet(self.monitor))?;
         // What the operator makes of a Ritz vector beside the space, in terms of the next block.
         let beside = self.beside.last().copied().unwrap_or_default();
         let rest = |k: usize| -> KrylovRow {

@@ -1,7 +1,7 @@
 //! One level of the hierarchy: an eigenproblem in the order in which it is factored, and how a coarser one is made of
 //! it.
 
-use chladni_algebra::{FactorError, GalerkinError, MassMatrix, Ordering, SparseMatrix, fill_reducing_order, galerkin};
+use chladni_algebra::{FactorError, MassMatrix, Ordering, SparseMatrix, fill_reducing_order, galerkin};
 use chladni_base::{Cancelled, Monitor};
 
 use crate::spectrum::local::{self, Places};
@@ -155,10 +155,7 @@ pub(super) fn coarsened(
     ordering: Option<Ordering>,
     monitor: &dyn Monitor,
 ) -> Result<(Level, SparseMatrix<f32>), super::HsimError> {
-    let (stiffness, mass) = galerkin(space, &level.stiffness, &level.mass, monitor).map_err(|error| match error {
-        GalerkinError::Cancelled(cancelled) => super::HsimError::Cancelled(cancelled),
-        other => super::HsimError::Numerical(other.to_string()),
-    })?;
+    let (stiffness, mass) = galerkin(space, &level.stiffness, &level.mass, monitor)?;
     let positions = centres.iter().map(|&row| level.positions[row as usize]).collect();
     // The support of a function lies in one component.
     let mut component = vec![NO_KERNEL; space.columns()];

@@ -41,8 +41,10 @@ mod wanted;
 use serde::{Deserialize, Serialize};
 
 pub use crate::basis::{CutCluster, InertiaCount, LevelReport, OnBound};
-use chladni_algebra::{PanelMatrix, SparseMatrix};
-use chladni_base::Cancelled;
+use chladni_algebra::{EigenError, FactorError, GalerkinError, PanelMatrix, SparseMatrix};
+use chladni_base::{Cancelled, stopped};
+
+use super::radial::RadialError;
 
 /// Which eigenpairs are wanted.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -293,15 +295,16 @@ impl Default for HsimParameters {
     }
 }
 
-impl From<chladni_algebra::FactorError> for HsimError {
-    fn from(error: chladni_algebra::FactorError) -> Self {
-        match error {
-            chladni_algebra::FactorError::Cancelled(cancelled) => Self::Cancelled(cancelled),
-            chladni_algebra::FactorError::Promise { .. } => Self::Memory(error.to_string()),
-            other => Self::Numerical(other.to_string()),
-        }
-    }
-}
+stopped!(
+    HsimError:
+    FactorError => |error: FactorError| match error {
+        FactorError::Promise { .. } => Self::Memory(error.to_string()),
+        other => Self::Numerical(other.to_string()),
+    },
+    EigenError => |error: EigenError| Self::Numerical(error.to_string()),
+    GalerkinError => |error: GalerkinError| Self::Numerical(error.to_string()),
+    RadialError => |error: RadialError| Self::Numerical(error.to_string()),
+);
 
 #[cfg(test)]
 mod bounds_tests;

@@ -16,7 +16,7 @@ use super::iterate::Iteration;
 use super::kernel::Kernel;
 use super::level::{Level, NO_KERNEL, coarsened};
 use super::{HsimError, HsimParameters, LevelReport, Variant};
-use crate::spectrum::radial::{self, Profile, RadialError};
+use crate::spectrum::radial::{self, Profile};
 
 /// The supports of prolongation functions overlap so many times (4.10).
 const SIGMA: f64 = 7.0;
@@ -75,11 +75,7 @@ pub(super) fn start(
     }
     for (k, &size) in sizes.iter().enumerate() {
         let part = &samples[..size.min(samples.len())];
-        let all = radial::columns(mesh, &connectivity, part, DistanceKind::Dijkstra, Profile::Linear, sigma, monitor)
-            .map_err(|error| match error {
-            RadialError::Cancelled(cancelled) => HsimError::Cancelled(cancelled),
-            other => HsimError::Numerical(other.to_string()),
-        })?;
+        let all = radial::columns(mesh, &connectivity, part, DistanceKind::Dijkstra, Profile::Linear, sigma, monitor)?;
         let (space, kept) = rows_with_all_columns(&all, &vertices);
         let level = levels.last().unwrap_or(fine);
         // The vertex that a column belongs to: the first ones are samples, others were added where no sample reached.

@@ -20,9 +20,8 @@ pub(super) fn ritz(
     monitor.checkpoint()?;
     match gpu::accelerator().lowest(stiffness.clone(), gram.clone(), count, &Quiet(monitor)) {
         Ok(pairs) => Ok((pairs.values, pairs.vectors)),
-        Err(EigenError::Cancelled(cancelled)) => Err(cancelled.into()),
         Err(EigenError::NotPositiveDefinite { .. }) => truncated(&stiffness, &gram, count),
-        Err(error) => Err(HsimError::Numerical(error.to_string())),
+        Err(error) => Err(error.into()),
     }
 }
 

@@ -55,7 +55,7 @@ pub(super) fn symmetric(name: &'static str, matrix: SparseMatrix) -> Result<Spar
             *largest = largest.max(value.abs());
         }
     }
-    let mirrored = transposed(&matrix);
+    let mirrored = matrix.transpose();
     let (mut offsets, mut indices) = (Vec::with_capacity(n + 1), Vec::with_capacity(matrix.entries()));
     let mut values = Vec::with_capacity(matrix.entries());
     offsets.push(0);
@@ -117,24 +117,4 @@ fn merged<'a>(
         };
         Some((column, take(left, left_values, &mut i), take(right, right_values, &mut j)))
     })
-}
-
-fn transposed(matrix: &SparseMatrix) -> SparseMatrix {
-    let n = matrix.columns();
-    let mut offsets = vec![0usize; n + 1];
-    matrix.indices().iter().for_each(|&column| offsets[column as usize + 1] += 1);
-    for row in 0..n {
-        offsets[row + 1] += offsets[row];
-    }
-    let mut next = offsets.clone();
-    let (mut indices, mut values) = (vec![0u32; matrix.entries()], vec![0.0; matrix.entries()]);
-    for row in 0..matrix.rows() {
-        let (columns, numbers) = matrix.row(row);
-        for (&column, &number) in columns.iter().zip(numbers) {
-            let at = next[column as usize];
-            next[column as usize] += 1;
-            (indices[at], values[at]) = (row as u32, number);
-        }
-    }
-    SparseMatrix::from_sorted_parts(n, matrix.rows(), offsets, indices, values)
 }

@@ -22,7 +22,7 @@ mod nearest;
 mod single;
 
 use chladni_algebra::{DenseMatrix, MassMatrix, PANEL_WIDTH, PanelMatrix, SparseError, SparseMatrix};
-use chladni_base::{Cancelled, Monitor};
+use chladni_base::{Cancelled, Monitor, stopped};
 
 use super::hsim::{self, Eigenpairs, HsimError, HsimParameters};
 use crate::basis::{Basis, Certificate, DenseFunctions, Functions, Precision};
@@ -211,14 +211,7 @@ pub enum PencilError {
     Solve(HsimError),
 }
 
-impl From<HsimError> for PencilError {
-    fn from(error: HsimError) -> Self {
-        match error {
-            HsimError::Cancelled(cancelled) => Self::Cancelled(cancelled),
-            other => Self::Solve(other),
-        }
-    }
-}
+stopped!(PencilError: HsimError => Self::Solve);
 
 impl PencilError {
     /// A stable identifier of the failure, in kebab case.

@@ -17,7 +17,7 @@ pub use lacking::KEPT_BYTES;
 
 use chladni_algebra::{DenseMatrix, EigenError, FactorError, GalerkinError, PANEL_WIDTH, residual_panel};
 use chladni_base::parallel::*;
-use chladni_base::{Cancelled, Monitor};
+use chladni_base::{Cancelled, Monitor, stopped};
 
 use crate::basis::modal::{FIXED, ModalBasis, ModalFunctions};
 use crate::operator::elastic::rigid::{RigidMotion, RigidMotions};
@@ -123,35 +123,18 @@ impl VibrationError {
     }
 }
 
-/// Each room says `Cancelled` in its own words; here all become one.
-macro_rules! cancelled_apart {
-    ($($error:ident => $variant:expr),*) => {$(
-        impl From<$error> for VibrationError {
-            fn from(error: $error) -> Self {
-                match error {
-                    $error::Cancelled(cancelled) => Self::Cancelled(cancelled),
-                    other => $variant(other),
-                }
-            }
-        }
-    )*};
-}
-cancelled_apart!(
+stopped!(
+    VibrationError:
     OperatorError => Self::Operator,
     ApproximationError => Self::Space,
     HsimError => Self::Iteration,
     GalerkinError => |error: GalerkinError| Self::Numerical(error.to_string()),
-    EigenError => |error: EigenError| Self::Numerical(error.to_string())
+    EigenError => |error: EigenError| Self::Numerical(error.to_string()),
+    FactorError => |error: FactorError| match error {
+        FactorError::Promise { .. } => Self::Iteration(error.into()),
+        other => Self::Numerical(other.to_string()),
+    },
 );
-
-impl From<FactorError> for VibrationError {
-    fn from(error: FactorError) -> Self {
-        if let FactorError::Promise { .. } = error {
-            return Self::Iteration(error.into());
-        }
-        Self::Numerical(error.to_string())
-    }
-}
 
 /// Computes the lowest vibration modes of an object. The metadata hold the report of the operator.
 ///
@@ -303,13 +286,13 @@ fn bounds(elastic: &ElasticProblem, basis: &ModalBasis, monitor: &dyn Monitor) -
     let scale = elastic.report.total_mass.sqrt();
     let modes: Vec<usize> = (basis.rigid.min(count)..count).collect();
     // A panel of modes at a time: the matrix is read once for all of them.
-    let panel = |modes: &[usize]| -> Result<Vec<f64>, Cancelled> {
+    let panel = |modes: &[usize]| -> Result<Vec<f64>, VibrationError> {
         let (mut columns, mut rest) = (vec![0.0; size * PANEL_WIDTH], vec![0.0; size * PANEL_WIDTH]);
         let (mut q, mut lifted) = (vec![0.0; count], vec![0f32; 3 * basis.vertices()]);
         for (k, &mode) in modes.iter().enumerate() {
             monitor.checkpoint()?;
             q[mode] = scale;
-            lifter.lift(&q, &mut lifted);
+            lifter.lift(&q, &mut lifted).map_err(|error| VibrationError::Numerical(error.to_string()))?;
             q[mode] = 0.0;
             let entries = columns.iter_mut().skip(k).step_by(PANEL_WIDTH);
             let there = elastic.moving.iter().flat_map(|&v| [0, 1, 2].map(|axis| lifted[3 * v as usize + axis]));

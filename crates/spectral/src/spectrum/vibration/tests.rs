@@ -30,7 +30,7 @@ fn defect(basis: &ModalBasis) -> f64 {
     let columns: Vec<Vec<f32>> = (0..m)
         .map(|mode| {
             let mut lifted = vec![0f32; 3 * n];
-            lifter.lift(&(0..m).map(|k| f64::from(u8::from(k == mode))).collect::<Vec<_>>(), &mut lifted);
+            lifter.lift(&(0..m).map(|k| f64::from(u8::from(k == mode))).collect::<Vec<_>>(), &mut lifted).unwrap();
             lifted
         })
         .collect();
@@ -155,7 +155,7 @@ fn the_bound_of_each_mode_is_the_norm_of_its_own_residual() {
                 let mut q = vec![0.0; 45];
                 q[mode] = scale;
                 let mut lifted = vec![0f32; 3 * basis.vertices()];
-                basis.lifter().lift(&q, &mut lifted);
+                basis.lifter().lift(&q, &mut lifted).unwrap();
                 let moving = elastic.moving.iter().flat_map(|&v| [0, 1, 2].map(|axis| 3 * v as usize + axis));
                 let x: Vec<f64> = moving.map(|row| f64::from(lifted[row])).collect();
                 let value = basis.eigenvalues[mode] / elastic.eigenvalue_scale;
@@ -288,7 +288,7 @@ fn a_mode_at_a_vertex_is_that_of_the_lifted_state_and_products_agree() {
         let basis = modes(ElasticBody::Shell { mesh: &mesh, thickness: 0.2 }, 15, Vec::new(), method);
         let q: Vec<f64> = (0..15).map(|k| f64::from(k).cos()).collect();
         let mut lifted = vec![0f32; 3 * basis.vertices()];
-        basis.lifter().lift(&q, &mut lifted);
+        basis.lifter().lift(&q, &mut lifted).unwrap();
         let w: Vec<[f64; 3]> = (0..basis.vertices()).map(|v| [0.1, 0.7, -0.3].map(|x| (x * v as f64).sin())).collect();
         let product: f64 = basis.transposed_times(&w).unwrap().iter().zip(&q).map(|(a, b)| a * b).sum();
         let mut expected = 0.0;
