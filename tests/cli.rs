@@ -6,6 +6,8 @@ mod batch;
 mod collection;
 #[path = "cli/parts.rs"]
 mod parts;
+#[path = "cli/provenance.rs"]
+mod provenance;
 #[path = "cli/strictness.rs"]
 mod strictness;
 

@@ -14,7 +14,7 @@ use chladni_mesh::check::CheckedMesh;
 use chladni_mesh::numbering::{NumberingError, Translation};
 use chladni_mesh::write::{PlyPrecision, SurfaceFormat};
 use chladni_spectral::analysis::filter::{Transfer, filter};
-use chladni_spectral::basis::{Basis, StoredFields};
+use chladni_spectral::basis::{Basis, ProvenanceError, StoredFields};
 use chladni_spectral::formats::npz;
 use chladni_work::design::{DesignFault, DesignRequest, Form, Setting, Surface, written, written_at};
 use chladni_work::distances::DistanceRequest;
@@ -59,11 +59,12 @@ impl Stored {
             match &mut strange {
                 StrangeMesh::Mass { vertex, .. } => *vertex = to.file_vertex(*vertex as u32) as usize,
                 StrangeMesh::Area { face, .. } => *face = to.file_face(*face as u32) as usize,
-                StrangeMesh::Rows { .. } | StrangeMesh::Operator(_) => {}
+                StrangeMesh::Rows { .. } | StrangeMesh::Operator(_) | StrangeMesh::Provenance(_) => {}
             }
             CliError::mesh(&self.basis, strange)
         })?;
-        if let (true, Some(solid)) = (basis.is_of_solid(), body.solid) {
+        let refused = |error: ProvenanceError| CliError::mesh(&self.basis, error);
+        if let (true, Some(solid)) = (basis.is_of_solid().map_err(refused)?, body.solid) {
             mesh.positions = solid.positions;
         }
         Ok((basis, mesh, to, attributes))
@@ -191,7 +192,8 @@ pub fn filtered(arguments: FilterArguments) -> Result<ExitCode, CliError> {
     let position = |row: usize| std::array::from_fn(|axis| moved.column(axis)[row]);
     // Of a solid, the vertices of its surface come first; the others would stand there without a face.
     let vertices = mesh.faces.iter().flatten().map(|&vertex| vertex as usize + 1).max().unwrap_or(0);
-    let vertices = if basis.is_of_solid() { vertices } else { moved.rows() };
+    let inside = basis.is_of_solid().map_err(|error| CliError::mesh(&arguments.stored.basis, error))?;
+    let vertices = if inside { vertices } else { moved.rows() };
     mesh.positions.truncate(vertices);
     let positions: Vec<[f64; 3]> = (0..vertices).map(position).collect();
     let attributes = attributes.as_ref().map(|attributes| attributes.moved(&mesh, &positions));

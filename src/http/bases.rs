@@ -77,7 +77,7 @@ pub async fn find_kind(state: &ClientState, id: Uuid, wanted: ProductKind) -> Re
 /// The basis, if it is one of functions on vertices: eigenfields of the Hodge–Laplacian have two numbers for each face.
 pub async fn on_vertices(state: &ClientState, id: Uuid) -> Result<Arc<Basis>, Problem> {
     let basis = state.store.load_basis(id).await?;
-    match is_of_fields(&basis) {
+    match basis.is_of_fields()? {
         false => Ok(basis),
         true => Err(of_fields(id)),
     }
@@ -91,11 +91,6 @@ pub fn of_fields(id: Uuid) -> Problem {
     )
     .with("kind", "eigenbasis of fields")
     .with("kinds", vec![ProductKind::Eigenbasis.name()])
-}
-
-/// Whether the rows of an eigenbasis are numbers of faces.
-pub fn is_of_fields(basis: &Basis) -> bool {
-    basis.metadata["operator"].get("hodge").is_some()
 }
 
 problems!(ShowBasisProblems: [INVALID_QUERY, UNKNOWN_BASIS]);

@@ -155,7 +155,7 @@ async fn compress_functions(
                 bytes,
                 bits_per_vertex: per_vertex(bytes as f64),
                 basis_bytes,
-                basis_from_faces: basis.is_of_graph(),
+                basis_from_faces: basis.is_of_graph()?,
                 bits_per_vertex_with_basis: per_vertex(bytes as f64 + basis_bytes as f64),
                 step: packed.step,
                 nonzeros: packed.nonzeros,
@@ -217,7 +217,7 @@ async fn decompress_functions(
             let begin = Instant::now();
             let functions = decompress(&basis, &body.bytes)?;
             match surface {
-                Some(surface) => surface.moved(basis.is_of_solid(), &functions, begin),
+                Some(surface) => surface.moved(basis.is_of_solid()?, &functions, begin),
                 None => Answer::table(&push(&to, functions), media_type != JSON, query.dtype, begin),
             }
         })

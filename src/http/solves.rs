@@ -19,7 +19,6 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 use uuid::Uuid;
 
-use super::bases::is_of_fields;
 use super::binary::{self, Dtype, Table};
 use super::body::WholeBody;
 use super::client::ClientState;
@@ -153,7 +152,7 @@ pub enum Source {
 impl Source {
     async fn named(state: &ClientState, id: Uuid) -> Result<Self, Problem> {
         let mesh = state.store.basis(id).await?.mesh;
-        if state.store.load_basis(id).await?.is_of_solid()
+        if state.store.load_basis(id).await?.is_of_solid()?
             && let (_, Some(solid)) = state.store.load_body(&mesh).await?
         {
             return Ok(Self::Solid(solid));
@@ -259,7 +258,7 @@ async fn filter_functions(
             drop(source);
             let filtered = filter(&basis, &functions, &transfer)?;
             match surface {
-                Some(surface) => surface.moved(basis.is_of_solid(), &filtered, begin),
+                Some(surface) => surface.moved(basis.is_of_solid()?, &filtered, begin),
                 None => Answer::table(&push(&to, filtered), media_type == OCTETS, query.dtype, begin),
             }
         })
@@ -274,7 +273,7 @@ pub async fn translation(
     basis: &Basis,
 ) -> Result<Translation, Problem> {
     let to = numbered.on_basis(state, id, &basis.metadata).await?;
-    Ok(if is_of_fields(basis) { to.in_frames(2) } else { to })
+    Ok(if basis.is_of_fields()? { to.in_frames(2) } else { to })
 }
 
 async fn load(state: &ClientState, id: Uuid) -> Result<Arc<Basis>, Problem> {
@@ -330,7 +329,7 @@ async fn project_functions(
             drop(source);
             let mut projection = project(&basis, &functions, pairs.unwrap_or(basis.count()))?;
             if let Some(surface) = surface {
-                return surface.moved(basis.is_of_solid(), &projection.reconstruction, begin);
+                return surface.moved(basis.is_of_solid()?, &projection.reconstruction, begin);
             }
             if whole {
                 projection.reconstruction = push(&to, projection.reconstruction);
