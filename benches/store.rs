@@ -109,7 +109,7 @@ fn basis(seed: usize) -> Basis {
         eigenvalues: (0..m).map(|i| i as f64).collect(),
         mass: MassMatrix::Diagonal(vec![1.0; n]),
         certificate: Certificate { residuals: vec![0.0; m], bounds: vec![0.0; m], ..Certificate::default() },
-        metadata: json!({}),
+        metadata: json!({}).into(),
     }
 }
 

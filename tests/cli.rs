@@ -8,6 +8,8 @@ mod collection;
 mod numbering;
 #[path = "cli/parts.rs"]
 mod parts;
+#[path = "cli/provenance.rs"]
+mod provenance;
 #[path = "cli/strictness.rs"]
 mod strictness;
 #[path = "cli/uses.rs"]

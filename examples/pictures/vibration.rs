@@ -91,7 +91,7 @@ fn compare(
             [(false, Exactly(0)), (true, Exactly(0)), (true, Exactly(1)), (true, Exactly(2)), (true, Until(0.01))]
         {
             let found = modes(VibrationMethod::Approximate { dimension, local_coordinates, inverse_iterations })?;
-            let certificate = &found.metadata["certificate"];
+            let certificate = &found.metadata.json()["certificate"];
             let pairs = found.frequencies().into_iter().zip(exact.frequencies()).skip(6);
             let errors: Vec<f64> = pairs.map(|(a, b)| a / b - 1.0).collect();
             let simulation = simulation_error(&exact, &found, rest)?;

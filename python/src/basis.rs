@@ -44,9 +44,12 @@ impl NativeBasis {
     }
 
     /// How functions are brought from the numbering of the file into that of the mesh, and back.
-    pub fn translation(&self, nearest: bool) -> Translation {
+    ///
+    /// # Errors
+    /// [`Failure`]: functions are numbered anew, and the basis does not say whether they are on vertices or faces.
+    pub fn translation(&self, nearest: bool) -> Result<Translation, Failure> {
         let to = translation(&self.numbering, nearest);
-        if self.is_of_fields() { to.in_frames(2) } else { to }
+        Ok(if !to.is_identity() && self.basis.is_of_fields()? { to.in_frames(2) } else { to })
     }
 
     /// The mesh that it was computed on, where that is known.
@@ -54,20 +57,16 @@ impl NativeBasis {
         self.mesh.as_ref().map(|body| body.mesh())
     }
 
-    fn is_of_fields(&self) -> bool {
-        self.basis.metadata["operator"].get("hodge").is_some()
-    }
-
     /// Functions on the vertices of the file as functions on the rows of the basis.
     ///
     /// # Errors
     /// [`Failure`] names the vertex that does not fit.
     pub fn pulled(&self, functions: &PyReadonlyArray2<'_, f64>) -> Result<DenseMatrix, Failure> {
-        Ok(pull(&self.translation(false), arrays::functions(functions)?, self.basis.vertices())?)
+        Ok(pull(&self.translation(false)?, arrays::functions(functions)?, self.basis.vertices())?)
     }
 
     fn of_functions(&self) -> Result<(), Failure> {
-        match self.is_of_fields() {
+        match self.basis.is_of_fields()? {
             true => Err(Failure::parameter("the basis is of tangential fields, not of functions on vertices")),
             false => Ok(()),
         }
@@ -108,7 +107,7 @@ impl NativeBasis {
                     match &mut strange {
                         StrangeMesh::Mass { vertex, .. } => *vertex = to.file_vertex(*vertex as u32) as usize,
                         StrangeMesh::Area { face, .. } => *face = to.file_face(*face as u32) as usize,
-                        StrangeMesh::Rows { .. } | StrangeMesh::Operator(_) => {}
+                        StrangeMesh::Rows { .. } | StrangeMesh::Operator(_) | StrangeMesh::Provenance(_) => {}
                     }
                     Failure::parameter(strange.to_string())
                 })
@@ -148,8 +147,8 @@ impl NativeBasis {
     }
 
     /// The number of rows of functions, and of pairs.
-    fn shape(&self) -> (usize, usize) {
-        (self.translation(false).rows(self.basis.vertices()), self.basis.count())
+    fn shape(&self) -> PyResult<(usize, usize)> {
+        Ok((self.translation(false)?.rows(self.basis.vertices()), self.basis.count()))
     }
 
     /// The dimension of the subspace of a compact basis.
@@ -165,7 +164,7 @@ impl NativeBasis {
         to: usize,
         nearest: bool,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let (basis, numbers) = (&self.basis, self.translation(nearest));
+        let (basis, numbers) = (&self.basis, self.translation(nearest)?);
         let n = basis.vertices();
         let lifted = watch::run(py, None, |_| {
             let lifted = basis.lift::<f64>(from..to)?;
@@ -185,8 +184,8 @@ impl NativeBasis {
     }
 
     /// Whether rows are numbers in the frames of faces.
-    fn of_fields(&self) -> bool {
-        self.is_of_fields()
+    fn of_fields(&self) -> PyResult<bool> {
+        Ok(self.basis.is_of_fields().map_err(Failure::from)?)
     }
 
     /// What is proven, as JSON.
@@ -196,7 +195,7 @@ impl NativeBasis {
 
     /// How the basis was made, as JSON.
     fn metadata(&self) -> PyResult<String> {
-        json(&self.basis.metadata)
+        json(self.basis.metadata.json())
     }
 
     /// Seconds of each stage of the work.
@@ -217,7 +216,7 @@ impl NativeBasis {
         nearest: bool,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         self.of_functions()?;
-        let (basis, to) = (&self.basis, self.translation(nearest));
+        let (basis, to) = (&self.basis, self.translation(nearest)?);
         let mut vertices = vertices;
         if let Some(vertices) = &mut vertices {
             to.vertices(vertices, basis.vertices()).map_err(Failure::from)?;
@@ -247,7 +246,7 @@ impl NativeBasis {
     fn distances<'py>(&self, py: Python<'py>, request: &str, nearest: bool) -> PyResult<Bound<'py, PyArray2<f64>>> {
         self.of_functions()?;
         let mut request: DistanceRequest = parsed("distances", request)?;
-        let (basis, to) = (&self.basis, self.translation(nearest));
+        let (basis, to) = (&self.basis, self.translation(nearest)?);
         request.translate(&to, basis.vertices()).map_err(Failure::from)?;
         let mesh = self.mesh.as_ref().map(|body| body.mesh());
         let found = watch::run(py, None, |monitor| {
@@ -263,7 +262,7 @@ impl NativeBasis {
         let Some(body) = &self.mesh else {
             return Err(Failure::parameter("a gradient needs the mesh as well as a loaded basis").into());
         };
-        let (basis, to) = (&self.basis, self.translation(false));
+        let (basis, to) = (&self.basis, self.translation(false)?);
         let solid = body.checked.solid.as_ref();
         let found = watch::run(py, None, |monitor| Ok(gradient(basis, (body.mesh(), solid), &weights, &to, monitor)?))?;
         arrays::table(py, found)
@@ -281,7 +280,7 @@ impl NativeBasis {
         let Some(body) = &self.mesh else {
             return Err(Failure::parameter("a gradient needs the mesh as well as a loaded basis").into());
         };
-        let (basis, to, functions) = (&self.basis, self.translation(false), arrays::functions(&functions)?);
+        let (basis, to, functions) = (&self.basis, self.translation(false)?, arrays::functions(&functions)?);
         let of = (body.mesh(), body.checked.solid.as_ref());
         let found =
             watch::run(py, None, |monitor| Ok(loss_gradient(basis, of, (&weights, &functions), &to, monitor)?))?;
@@ -298,7 +297,7 @@ impl NativeBasis {
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let transfer: Transfer = parsed("transfer", transfer)?;
         let functions = self.pulled(&functions)?;
-        let (basis, to) = (&self.basis, self.translation(nearest));
+        let (basis, to) = (&self.basis, self.translation(nearest)?);
         let found = watch::run(py, None, |_| Ok(push(&to, filter(basis, &functions, &transfer)?)))?;
         arrays::table(py, found)
     }
@@ -323,7 +322,7 @@ impl NativeBasis {
         nearest: bool,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let coefficients = arrays::functions(&coefficients)?;
-        let (basis, to) = (&self.basis, self.translation(nearest));
+        let (basis, to) = (&self.basis, self.translation(nearest)?);
         let found = watch::run(py, None, |_| Ok(push(&to, basis.evaluate(&coefficients)?)))?;
         arrays::table(py, found)
     }

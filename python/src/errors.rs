@@ -5,7 +5,7 @@ use chladni_mesh::numbering::NumberingError;
 use chladni_mesh::read::ReadError;
 use chladni_spectral::analysis::AnalysisError;
 use chladni_spectral::analysis::filter::FilterError;
-use chladni_spectral::basis::BasisError;
+use chladni_spectral::basis::{BasisError, ProvenanceError};
 use chladni_spectral::formats::FormatError;
 use chladni_spectral::operator::OperatorError;
 use chladni_work::distances::DistanceFault;
@@ -150,11 +150,17 @@ impl From<NumberingError> for Failure {
     }
 }
 
+impl From<ProvenanceError> for Failure {
+    fn from(error: ProvenanceError) -> Self {
+        Self::parameter(error.to_string())
+    }
+}
+
 impl From<GradientFault> for Failure {
     fn from(fault: GradientFault) -> Self {
         match fault {
             GradientFault::Analysis(error) => error.into(),
-            GradientFault::Provenance(error) => Self::parameter(error.to_string()),
+            GradientFault::Provenance(error) => error.into(),
             GradientFault::Numbering(error) => error.into(),
             GradientFault::Parameters(error) => error.into(),
             GradientFault::Operator(error) => error.into(),

@@ -42,7 +42,7 @@ pub fn functional_map<'py>(
     descriptors: Option<(PyReadonlyArray2<'_, f64>, PyReadonlyArray2<'_, f64>)>,
 ) -> PyResult<Bound<'py, PyTuple>> {
     let mut wanted: Wanted = parsed("functional map", request)?;
-    let (from, onto) = (source.translation(false), target.translation(false));
+    let (from, onto) = (source.translation(false)?, target.translation(false)?);
     for [a, b] in &mut wanted.landmarks {
         *a = from.vertex(u64::from(*a), source.basis.vertices()).map_err(Failure::from)?;
         *b = onto.vertex(u64::from(*b), target.basis.vertices()).map_err(Failure::from)?;
@@ -129,7 +129,7 @@ pub fn map_collection<'py>(
         polish: wanted.polish,
     };
     let found = watch::run(py, progress, |monitor| Ok(collect(&shapes, &request, monitor)?))?;
-    let numberings: Vec<Translation> = bases.iter().map(|basis| basis.translation(false)).collect();
+    let numberings = bases.iter().map(|basis| basis.translation(false)).collect::<Result<Vec<Translation>, _>>()?;
     let mut maps: Vec<MapOfCollection<'py>> = Vec::with_capacity(found.maps.len());
     for map in found.maps {
         let points = told(py, map.to_source, &numberings[map.source], &numberings[map.target]);

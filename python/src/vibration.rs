@@ -70,7 +70,7 @@ impl NativeVibration {
 
     /// What was done, as JSON.
     fn metadata(&self) -> PyResult<String> {
-        text(&self.modes.metadata)
+        text(self.modes.metadata.json())
     }
 
     /// Displacements (times, 3 n) in f32, a row for each time, of the vertices of the arrays; the request is that of

@@ -191,7 +191,8 @@ pub fn filtered(arguments: FilterArguments) -> Result<ExitCode, CliError> {
     let format = surface_format(&arguments.output)?;
     let output = OutputFile::probe(&arguments.output)?;
     let opened = arguments.stored.on_vertices()?;
-    let moved = filter(&opened.basis, &coordinates(opened.positions()), &transfer).map_err(refused)?;
+    let moved =
+        filter(&opened.basis, &coordinates(opened.positions().map_err(refused)?), &transfer).map_err(refused)?;
     write_moved(opened, &moved, format, &output)
 }
 
@@ -210,7 +211,7 @@ pub(super) fn write_moved(
     let position = |row: usize| std::array::from_fn(|axis| functions.column(axis)[row]);
     // Of a solid, the vertices of its surface come first; the others would stand there without a face.
     let vertices = mesh.faces.iter().flatten().map(|&vertex| vertex as usize + 1).max().unwrap_or(0);
-    let vertices = if basis.is_of_solid() { vertices } else { functions.rows() };
+    let vertices = if basis.is_of_solid().map_err(refused)? { vertices } else { functions.rows() };
     mesh.positions.truncate(vertices);
     let positions: Vec<[f64; 3]> = (0..vertices).map(position).collect();
     let attributes = attributes.as_ref().map(|attributes| attributes.moved(&mesh, &positions));

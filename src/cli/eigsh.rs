@@ -94,6 +94,7 @@ struct Run {
     basis: Basis,
     rows: usize,
     unknowns: usize,
+    moved: f64,
     stages: Vec<(&'static str, f64)>,
     total: f64,
     peak_rss: Option<u64>,
@@ -143,11 +144,11 @@ impl EigshArguments {
                 "invalid-parameters" => CliError::Usage(error.to_string()),
                 _ => CliError::Refused(error.to_string()),
             })?;
-            let (rows, unknowns) = (pencil.rows(), pencil.unknowns());
+            let (rows, unknowns, moved) = (pencil.rows(), pencil.unknowns(), pairs.moved);
             let basis = pairs.into_basis(&pencil, Precision::F64, self.about(&parameters), &clock);
-            Ok::<_, CliError>((basis.map_err(|error| CliError::Refused(error.to_string()))?, rows, unknowns))
+            Ok::<_, CliError>((basis.map_err(|error| CliError::Refused(error.to_string()))?, rows, unknowns, moved))
         });
-        let (basis, rows, unknowns) = basis?;
+        let (basis, rows, unknowns, moved) = basis?;
         let (total, peak_rss) = (began.elapsed().as_secs_f64(), peak_rss_bytes());
         let stages = clock.finish();
         bars.finish();
@@ -159,7 +160,7 @@ impl EigshArguments {
                 Some(began.elapsed().as_secs_f64())
             }
         };
-        Ok(Run { basis, rows, unknowns, stages, total, peak_rss, write })
+        Ok(Run { basis, rows, unknowns, moved, stages, total, peak_rss, write })
     }
 
     /// How the basis was made, as it is written.
@@ -250,7 +251,7 @@ impl Run {
             "unknowns": self.unknowns,
             "eigenvalues": self.basis.eigenvalues,
             "certificate": certificate,
-            "moved": self.basis.metadata["moved"],
+            "moved": self.moved,
             "seconds": {"total": self.total, "stages": stages, "write": self.write},
             "peak_rss_bytes": self.peak_rss,
             "solver_version": SOLVER_VERSION,
@@ -287,8 +288,8 @@ impl Run {
         if let Some(cut) = certificate.cut {
             text += &cut_of(cut, certificate.first..certificate.first + self.basis.eigenvalues.len());
         }
-        if let Some(moved) = self.basis.metadata["moved"].as_f64().filter(|moved| *moved != 0.0) {
-            text += &format!("\nresiduals are relative to (S + cM) x with c = {}\n", number(moved));
+        if self.moved != 0.0 {
+            text += &format!("\nresiduals are relative to (S + cM) x with c = {}\n", number(self.moved));
         }
         text += "\ncomplete: inertia counts prove that no eigenvalue was skipped\n";
         if let (Some(path), Some(seconds)) = (&arguments.output, self.write) {

@@ -101,9 +101,10 @@ pub fn project(arguments: ProjectArguments) -> Result<ExitCode, CliError> {
     let request: ProjectRequest = typed("--request", &arguments.request)?;
     let output = TableOutput::probe(arguments.output.as_deref())?;
     let opened = arguments.stored.open()?;
-    let to = in_basis(opened.to.clone(), &opened.basis);
+    let to = in_basis(opened.to.clone(), &opened.basis).map_err(refused)?;
     let basis = &opened.basis;
-    let functions = request.functions.on(opened.positions(), basis.vertices(), &to).map_err(refused)?;
+    let functions =
+        request.functions.on(opened.positions().map_err(refused)?, basis.vertices(), &to).map_err(refused)?;
     let found = projected(basis, &functions, request.pairs.unwrap_or(basis.count())).map_err(refused)?;
     if !output.is_file() {
         return print(&ProjectAnswer::new(found, request.reconstruct, &to));
@@ -123,7 +124,8 @@ pub fn reconstruct(arguments: ReconstructArguments) -> Result<ExitCode, CliError
     let OnMesh { basis, to, .. } = arguments.stored.open()?;
     let misfit = |error: chladni_work::table::TableError| CliError::mesh(&arguments.coefficients, error);
     let coefficients = coefficients.matrix(basis.count()).map_err(misfit)?;
-    output.matrix(&reconstructed(&basis, &coefficients, &in_basis(to, &basis)).map_err(refused)?)
+    let to = in_basis(to, &basis).map_err(refused)?;
+    output.matrix(&reconstructed(&basis, &coefficients, &to).map_err(refused)?)
 }
 
 /// Runs `chladni compress`.
@@ -132,12 +134,13 @@ pub fn compress(arguments: CompressArguments) -> Result<ExitCode, CliError> {
     let output = arguments.output.as_deref().map(OutputFile::probe).transpose()?;
     let opened = arguments.stored.on_vertices()?;
     let (basis, rate) = (&opened.basis, request.rate(&opened.basis));
-    let functions = request.functions.on(opened.positions(), basis.vertices(), &opened.to).map_err(refused)?;
+    let functions =
+        request.functions.on(opened.positions().map_err(refused)?, basis.vertices(), &opened.to).map_err(refused)?;
     let packed = rate.compress(basis, &functions).map_err(refused)?;
     if let Some(file) = output {
         file.write(|out| Ok(out.write_all(&packed.bytes)?))?;
     }
-    print(&rate.told(basis, packed))
+    print(&rate.told(basis, packed).map_err(refused)?)
 }
 
 /// Where functions go that were put together.

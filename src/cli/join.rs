@@ -100,8 +100,9 @@ impl Sorted {
         if let Some(number) = (0..plan.parts).find(|number| !files.contains_key(number)) {
             return Err(refused(PartError::Missing { number: number + 1, parts: plan.parts }));
         }
-        let kind = about["kind"].as_str().unwrap_or_default();
-        let job = JobParameters::parse(kind, &about["parameters"])?;
+        let unsaid = || CliError::mesh(path, "this part does not say of which job it is");
+        let parameters = about.get("parameters").filter(|parameters| parameters.is_object()).ok_or_else(unsaid)?;
+        let job = JobParameters::parse(about["kind"].as_str().ok_or_else(unsaid)?, parameters)?;
         Ok(Self { job, parts, files })
     }
 }

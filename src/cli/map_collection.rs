@@ -182,7 +182,7 @@ impl MapCollectionArguments {
         let outcome = job.run_body(&body.surface.mesh, body.solid.as_ref(), bars);
         let outcome = outcome.map_err(|error| CliError::mesh(path, error))?;
         match outcome.product {
-            Product::Eigenbasis(basis) if !basis.is_of_solid() => {
+            Product::Eigenbasis(basis) if !basis.is_of_solid().map_err(|error| CliError::mesh(path, error))? => {
                 Ok(Solved { mesh: body.surface.mesh, basis, to: self.numbered.translation(Arc::clone(&numbering)) })
             }
             _ => Err(CliError::mesh(path, "collections are of surfaces, and this basis is not of one")),

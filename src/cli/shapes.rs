@@ -151,7 +151,7 @@ fn side(own: &OnMesh) -> MapSide<'_> {
 
 /// What the spectrum of a basis of a file is of.
 fn spectrum_of(own: &OnMesh) -> SpectrumOf {
-    SpectrumOf::new(&own.basis.metadata["parameters"], own.report.closed)
+    SpectrumOf::new(&own.basis.metadata.json()["parameters"], own.report.closed)
 }
 
 /// Where a comparison of shapes goes.
@@ -179,7 +179,8 @@ pub fn compare_shapes(arguments: CompareShapesArguments) -> Result<ExitCode, Cli
         let own = arguments.pairs.on_vertices((basis, mesh))?;
         let report = serde_json::to_value(&own.report).map_err(|error| CliError::Service(error.to_string()))?;
         let values = (own.basis.eigenvalues, own.basis.certificate.first as u64);
-        let shape = ComparedShape::new(basis.display().to_string(), values, &own.basis.metadata["parameters"], &report);
+        let shape =
+            ComparedShape::new(basis.display().to_string(), values, &own.basis.metadata.json()["parameters"], &report);
         shapes.push(shape.map_err(refused)?);
         let stem = mesh.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         labels.push(request.labels.as_ref().map_or(stem, |labels| labels[place].clone()));

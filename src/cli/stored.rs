@@ -11,10 +11,9 @@ use chladni_mesh::solid::CheckedBody;
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::family::FamilyBasis;
 use chladni_spectral::basis::modal::ModalBasis;
-use chladni_spectral::basis::{Basis, MAP_COLLECTION, PENCIL, ProductKind, StoredFields};
+use chladni_spectral::basis::{Basis, MAP_COLLECTION, ProductKind, ProvenanceError, StoredFields};
 use chladni_spectral::formats::{FormatError, npz};
 use chladni_work::design::{DesignFault, Setting, Surface};
-use chladni_work::numbered::is_of_fields;
 use chladni_work::own_mesh::{StrangeMesh, check_own_mesh};
 
 use super::input::MeshOptions;
@@ -53,11 +52,14 @@ pub struct OnMesh {
 impl OnMesh {
     /// The positions of the vertices that the functions are on: where the basis is of the inside of a solid, those of
     /// its surface and then its inner ones.
-    pub fn positions(&self) -> &[[f64; 3]] {
-        match &self.solid {
-            Some(solid) if self.basis.is_of_solid() => &solid.positions,
+    ///
+    /// # Errors
+    /// [`ProvenanceError`] where the basis does not say what its rows are.
+    pub fn positions(&self) -> Result<&[[f64; 3]], ProvenanceError> {
+        Ok(match &self.solid {
+            Some(solid) if self.basis.is_of_solid()? => &solid.positions,
             _ => &self.mesh.positions,
-        }
+        })
     }
 }
 
@@ -148,7 +150,7 @@ impl StoredPairs {
                 false => format!("{} to {} bases", range.start(), range.end()),
             };
             let reason =
-                format!("BASIS MESH: {} files were given; {wanted} are due, each before its mesh", self.files.len());
+                format!("BASIS MESH: {} files were given; expected {wanted}, each before its mesh", self.files.len());
             return Err(CliError::Usage(reason));
         }
         Ok(pairs.iter().map(|[basis, mesh]| (basis.as_path(), mesh.as_path())).collect())
@@ -164,17 +166,18 @@ impl StoredPairs {
 /// An eigenbasis of a file.
 pub fn eigenbasis(path: &Path) -> Result<Basis, CliError> {
     let basis = product(path, ProductKind::Eigenbasis, npz::read)?;
-    if basis.metadata["kind"] == PENCIL {
-        return Err(CliError::mesh(path, "it is of matrices that came without a mesh, where one of a mesh is due"));
+    if basis.metadata.is_of_pencil() {
+        return Err(CliError::mesh(path, "it is of matrices without a mesh; this command needs a basis of a mesh"));
     }
     Ok(basis)
 }
 
 /// Refuses eigenfields.
 pub fn refuse_fields(path: &Path, basis: &Basis) -> Result<(), CliError> {
-    match is_of_fields(basis) {
-        true => Err(CliError::mesh(path, "it holds eigenfields, where functions on vertices are due")),
-        false => Ok(()),
+    match basis.is_of_fields() {
+        Ok(false) => Ok(()),
+        Ok(true) => Err(CliError::mesh(path, "it holds eigenfields; this command needs functions on vertices")),
+        Err(error) => Err(CliError::mesh(path, error)),
     }
 }
 
@@ -191,7 +194,7 @@ fn opened(path: &Path, input: &MeshInput, numbered: &NumberingArguments) -> Resu
         match &mut strange {
             StrangeMesh::Mass { vertex, .. } => *vertex = to.file_vertex(*vertex as u32) as usize,
             StrangeMesh::Area { face, .. } => *face = to.file_face(*face as u32) as usize,
-            StrangeMesh::Rows { .. } | StrangeMesh::Operator(_) => {}
+            StrangeMesh::Rows { .. } | StrangeMesh::Operator(_) | StrangeMesh::Provenance(_) => {}
         }
         CliError::mesh(path, strange)
     })?;
@@ -218,7 +221,7 @@ fn product<T>(
 /// The kind of whole files of results.
 pub fn kind_of(bytes: &[u8]) -> Option<&'static str> {
     if let Ok(basis) = npz::read(bytes) {
-        let pencil = basis.metadata["kind"] == PENCIL;
+        let pencil = basis.metadata.is_of_pencil();
         return Some(if pencil { ProductKind::PencilBasis } else { ProductKind::Eigenbasis }.name());
     }
     for (kind, is_this) in [

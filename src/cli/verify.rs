@@ -5,7 +5,7 @@ use chladni_mesh::check::{CheckedMesh, RepairKind};
 use chladni_mesh::numbering::{Extension, Translation};
 use chladni_mesh::solid::CheckedBody;
 use chladni_spectral::basis::modal::ModalBasis;
-use chladni_spectral::basis::{Basis, PENCIL, ProductKind};
+use chladni_spectral::basis::{Basis, ProductKind};
 use chladni_spectral::formats::npz;
 use chladni_spectral::spectrum::pencil::Matrices;
 use chladni_spectral::verify::{Finding, Verification};
@@ -14,7 +14,7 @@ use chladni_work::packed::Packed;
 use chladni_work::verification::{
     JudgeError, judge, judge_modes, judge_pencil, modes_receipt, pencil_receipt, problem_of, receipt, vibration_of,
 };
-use chladni_work::{EigenbasisParameters, MeshSize, VibrationBasisParameters, Work};
+use chladni_work::{EigenbasisParameters, MeshSize, ParameterError, VibrationBasisParameters, Work};
 
 use super::asked::without_gaps;
 use super::eigsh::{mass, matrix, rows};
@@ -183,7 +183,7 @@ impl VerifyArguments {
                 return npz::read_modes(bytes).map(Stored::Modes).map_err(|_| unjudged());
             }
         };
-        Ok(if basis.metadata["kind"] == PENCIL { Stored::Pencil(basis) } else { Stored::Eigenbasis(basis) })
+        Ok(if basis.metadata.is_of_pencil() { Stored::Pencil(basis) } else { Stored::Eigenbasis(basis) })
     }
 
     /// Options that say nothing about what is there.
@@ -250,25 +250,27 @@ impl VerifyArguments {
 
     /// The rows that are held, where the basis lists them.
     fn listed(&self, basis: &Basis) -> Result<Vec<u32>, CliError> {
-        let listed = serde_json::from_value(basis.metadata["parameters"]["fixed"].clone());
-        match (listed, basis.metadata["fixed_rows"].as_u64()) {
-            (Ok(listed), _) => Ok(listed),
-            (Err(_), Some(held @ 1..)) => {
+        match basis.metadata.fixed_rows().map_err(|error| self.unreadable(error))? {
+            (_, Some(listed)) => Ok(listed.to_vec()),
+            (held, None) => {
                 let reason = format!(
                     "{} was solved with some rows held ({}), and does not list them; give them with --fixed",
                     self.basis.display(),
-                    grouped(held as usize)
+                    grouped(held)
                 );
                 Err(CliError::Usage(reason))
             }
-            (Err(_), _) => Ok(Vec::new()),
         }
     }
 
     fn judge_modes(&self, modes: &ModalBasis, hashes: (&Value, &str), bars: &StageBars) -> Result<Judged, CliError> {
         let clamped = self.fixed.as_deref().map(rows).transpose()?;
-        let mut parameters = vibration_of(modes, clamped)
-            .map_err(|error| CliError::Usage(format!("{error}; list the clamped vertices with --fixed")))?;
+        let mut parameters = vibration_of(modes, clamped).map_err(|error| match error {
+            ParameterError::Value { name: "clamped", .. } => {
+                CliError::Usage(format!("{error}; list the clamped vertices with --fixed"))
+            }
+            error => self.unreadable(error),
+        })?;
         let CheckedBody { surface, solid } = self.input.load_body()?;
         if self.fixed.is_some() {
             let own = of_the_file(Packed::from(&parameters.canonical()), &surface, solid.as_ref())?;
@@ -280,7 +282,11 @@ impl VerifyArguments {
             receipt: modes_receipt(modes, &parameters, &outcome, hashes, 0.0),
             outcome,
             pairs: modes.count(),
-            complete: modes.metadata["certificate"]["complete"] == json!(true),
+            complete: modes
+                .metadata
+                .modes_claim()
+                .map_err(|error| self.unreadable(error))?
+                .is_some_and(|claim| claim.complete),
             approximate: false,
         })
     }
@@ -341,7 +347,10 @@ fn parameters(basis: &Basis, operator: Option<&str>) -> Result<EigenbasisParamet
     let told = operator.is_some();
     problem_of(basis, operator).map_err(|error| match told {
         true => error.into(),
-        false => CliError::Usage(format!("{error}; name it with --operator")),
+        false if matches!(error, ParameterError::Value { name: "operator", .. }) => {
+            CliError::Usage(format!("{error}; name it with --operator"))
+        }
+        false => error.into(),
     })
 }
 

@@ -6,7 +6,6 @@ use axum::Json;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use chladni_spectral::basis::{Basis, ProductKind};
-use chladni_work::numbered::is_of_fields;
 use headers::ETag;
 use serde::Deserialize;
 use utoipa::IntoParams;
@@ -79,7 +78,7 @@ pub async fn find_kind(state: &ClientState, id: Uuid, wanted: ProductKind) -> Re
 /// The basis, if it is one of functions on vertices: eigenfields of the Hodge–Laplacian have two numbers for each face.
 pub async fn on_vertices(state: &ClientState, id: Uuid) -> Result<Arc<Basis>, Problem> {
     let basis = state.store.load_basis(id).await?;
-    match is_of_fields(&basis) {
+    match basis.is_of_fields()? {
         false => Ok(basis),
         true => Err(of_fields(id)),
     }

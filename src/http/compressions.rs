@@ -103,7 +103,7 @@ async fn compress_functions(
                 let errors: Vec<String> = packed.relative_errors.iter().map(|error| format!("{error:e}")).collect();
                 return Ok(Answer::new(packed.bytes, OCTETS, begin).with("chladni-relative-error", errors.join(", ")));
             }
-            Answer::json(&rate.told(&basis, packed), begin)
+            Answer::json(&rate.told(&basis, packed)?, begin)
         })
         .await
 }
@@ -158,7 +158,7 @@ async fn decompress_functions(
             let begin = Instant::now();
             let functions = decompress(&basis, &body.bytes)?;
             match surface {
-                Some(surface) => surface.moved(basis.is_of_solid(), &functions, begin),
+                Some(surface) => surface.moved(basis.is_of_solid()?, &functions, begin),
                 None => Answer::table(&push(&to, functions), media_type != JSON, query.dtype, begin),
             }
         })

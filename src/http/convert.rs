@@ -6,7 +6,7 @@ use chladni_spectral::analysis::AnalysisError;
 use chladni_spectral::analysis::family::FamilyError;
 use chladni_spectral::analysis::filter::FilterError;
 use chladni_spectral::analysis::vibration::SimulationError;
-use chladni_spectral::basis::{BasisError, ColumnError, ProductKind};
+use chladni_spectral::basis::{BasisError, ColumnError, ProductKind, ProvenanceError};
 use chladni_work::ParameterError;
 
 use super::problem::{self, Problem};
@@ -137,6 +137,13 @@ impl From<BasisError> for Problem {
     }
 }
 
+impl From<ProvenanceError> for Problem {
+    /// What is stored was made here, and says how.
+    fn from(error: ProvenanceError) -> Self {
+        Self::internal(error)
+    }
+}
+
 impl From<FamilyError> for Problem {
     fn from(error: FamilyError) -> Self {
         match error {
@@ -144,6 +151,7 @@ impl From<FamilyError> for Problem {
                 Self::within(&problem::INVALID_SPECTRUM, name, sentence(&error)).with("parameter", name)
             }
             FamilyError::Eigen(error) => Self::internal(error),
+            FamilyError::Provenance(error) => error.into(),
         }
     }
 }
@@ -193,6 +201,7 @@ impl From<AnalysisError> for Problem {
             AnalysisError::Stream { at, .. } => Self::new(&problem::INVALID_STREAM, text).with("at", at),
             AnalysisError::Basis(error) => error.into(),
             AnalysisError::Cancelled(cancelled) => cancelled.into(),
+            AnalysisError::Provenance(error) => error.into(),
             AnalysisError::Eigen(_) | AnalysisError::Factor(_) | AnalysisError::Compression { .. } => {
                 Self::internal(error)
             }

@@ -194,6 +194,7 @@ impl From<DistanceFault> for Problem {
             | DistanceFault::Inside
             | DistanceFault::Unitless => Self::new(&problem::INVALID_REQUEST, super::convert::sentence(&fault)),
             DistanceFault::Analysis(error) => error.into(),
+            DistanceFault::Provenance(error) => error.into(),
         }
     }
 }

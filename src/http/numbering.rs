@@ -6,10 +6,10 @@ use axum::http::Uri;
 use axum::http::request::Parts;
 use axum::http::uri::PathAndQuery;
 use chladni_mesh::numbering::{Extension, NumberingError, Translation};
+use chladni_spectral::basis::Provenance;
 use chladni_work::numbered::FunctionError;
 use futures_util::future::BoxFuture;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 use utoipa::IntoParams;
 use uuid::Uuid;
 
@@ -122,8 +122,8 @@ impl Numbered {
     ///
     /// # Errors
     /// Those of loading a mesh.
-    pub async fn on_basis(self, state: &ClientState, id: Uuid, metadata: &Value) -> Result<Translation, Problem> {
-        match (self.0.numbering, metadata["mesh"].as_str()) {
+    pub async fn on_basis(self, state: &ClientState, id: Uuid, made: &Provenance) -> Result<Translation, Problem> {
+        match (self.0.numbering, made.mesh()) {
             (NumberingName::Kept, _) => Ok(Translation::default()),
             (_, Some(mesh)) => self.on_mesh(state, mesh).await,
             (_, None) => self.on_mesh(state, &state.store.basis(id).await?.mesh).await,

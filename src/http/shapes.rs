@@ -3,9 +3,11 @@
 
 use chladni_spectral::analysis::map_collection::{MOST_SHAPES, ShapeSize};
 use chladni_spectral::basis::{MAP_COLLECTION, ProductKind};
+use chladni_spectral::operator::Laplacian;
 use chladni_work::mappable::{StoredSpectrum, Unmappable, check_collection};
 use chladni_work::packed::Packed;
 use chladni_work::{JobParameters, ParameterError, StoredShape};
+use serde::Deserialize;
 use uuid::Uuid;
 
 use super::bases::find_kind;
@@ -78,7 +80,7 @@ pub(super) async fn find(state: &ClientState, ids: &[String]) -> Result<Vec<(Bas
     let (mut shapes, mut stored) = (Vec::with_capacity(ids.len()), Vec::with_capacity(ids.len()));
     for id in ids {
         let shape = find_one(state, BasisId::parse(id)?.0).await?;
-        stored.push(stored_spectrum(&shape));
+        stored.push(stored_spectrum(&shape)?);
         shapes.push(shape);
     }
     check_collection(&stored)?;
@@ -95,14 +97,16 @@ pub(super) async fn find_one(state: &ClientState, id: Uuid) -> Result<(BasisReco
     Ok((basis, mesh))
 }
 
-fn stored_spectrum((basis, mesh): &(BasisRecord, MeshRecord)) -> StoredSpectrum {
-    StoredSpectrum {
+fn stored_spectrum((basis, mesh): &(BasisRecord, MeshRecord)) -> Result<StoredSpectrum, Problem> {
+    let laplacian = Laplacian::deserialize(&basis.operator["laplacian"]).map_err(Problem::internal)?;
+    Ok(StoredSpectrum {
         basis: basis.id.to_string(),
         mesh: mesh.id.clone(),
         of: spectrum_of(basis, mesh),
-        is_of_solid: basis.operator["laplacian"] == "volume",
+        is_of_solid: laplacian == Laplacian::Volume,
+        // Not written where it is zero.
         first: basis.certificate["first"].as_u64().unwrap_or(0),
-    }
+    })
 }
 
 impl From<Unmappable> for Problem {

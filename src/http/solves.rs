@@ -77,7 +77,7 @@ pub enum Source {
 impl Source {
     async fn named(state: &ClientState, id: Uuid) -> Result<Self, Problem> {
         let mesh = state.store.basis(id).await?.mesh;
-        if state.store.load_basis(id).await?.is_of_solid()
+        if state.store.load_basis(id).await?.is_of_solid()?
             && let (_, Some(solid)) = state.store.load_body(&mesh).await?
         {
             return Ok(Self::Solid(solid));
@@ -183,7 +183,7 @@ async fn filter_functions(
             drop(source);
             let filtered = filter(&basis, &functions, &transfer)?;
             match surface {
-                Some(surface) => surface.moved(basis.is_of_solid(), &filtered, begin),
+                Some(surface) => surface.moved(basis.is_of_solid()?, &filtered, begin),
                 None => Answer::table(&push(&to, filtered), media_type == OCTETS, query.dtype, begin),
             }
         })
@@ -198,7 +198,7 @@ pub async fn translation(
     basis: &Basis,
 ) -> Result<Translation, Problem> {
     let to = numbered.on_basis(state, id, &basis.metadata).await?;
-    Ok(in_basis(to, basis))
+    Ok(in_basis(to, basis)?)
 }
 
 async fn load(state: &ClientState, id: Uuid) -> Result<Arc<Basis>, Problem> {
@@ -254,7 +254,7 @@ async fn project_functions(
             drop(source);
             let mut projection = project(&basis, &functions, pairs.unwrap_or(basis.count()))?;
             if let Some(surface) = surface {
-                return surface.moved(basis.is_of_solid(), &projection.reconstruction, begin);
+                return surface.moved(basis.is_of_solid()?, &projection.reconstruction, begin);
             }
             if media_type == OCTETS {
                 if whole {

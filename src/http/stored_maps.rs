@@ -89,7 +89,7 @@ async fn show_maps(
     body::reserve(&mut memory, POINT_BYTES * points as u64)?;
     let mut numberings = vec![Translation::default(); shapes];
     if numbered.0.numbering == NumberingName::File {
-        for (numbering, mesh) in numberings.iter_mut().zip(maps.meshes()) {
+        for (numbering, mesh) in numberings.iter_mut().zip(maps.meshes()?) {
             *numbering = numbered.on_mesh(&state, mesh).await?;
         }
     }

@@ -102,10 +102,10 @@ impl From<GradientFault> for Problem {
     fn from(fault: GradientFault) -> Self {
         match fault {
             GradientFault::Analysis(error) => error.into(),
-            GradientFault::Provenance(_)
-            | GradientFault::Numbering(_)
-            | GradientFault::Parameters(_)
-            | GradientFault::Operator(_) => Self::new(&problem::INVALID_ANALYSIS, sentence(&fault)),
+            GradientFault::Provenance(error) => error.into(),
+            GradientFault::Numbering(_) | GradientFault::Parameters(_) | GradientFault::Operator(_) => {
+                Self::new(&problem::INVALID_ANALYSIS, sentence(&fault))
+            }
         }
     }
 }

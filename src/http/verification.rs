@@ -221,6 +221,7 @@ fn unjudged(error: JudgeError) -> Problem {
         JudgeError::Operator(JobError::Cancelled(cancelled))
         | JudgeError::Verify(VerifyError::Cancelled(cancelled)) => cancelled.into(),
         JudgeError::Verify(VerifyError::Functions(error)) => error.into(),
+        JudgeError::Verify(VerifyError::Provenance(error)) | JudgeError::Provenance(error) => error.into(),
         other => Problem::new(&problem::INVALID_ANALYSIS, format!("This basis cannot be judged: {other}.")),
     }
 }

@@ -65,7 +65,7 @@ impl Store {
     /// A product with the numberings of the files of its meshes, if it holds them itself. A mesh that is gone has none.
     pub(super) async fn with_numberings(&self, product: Product) -> Result<Product, StoreError> {
         let Product::MapCollection(mut maps) = product else { return Ok(product) };
-        let meshes: Vec<String> = maps.meshes().map(str::to_owned).collect();
+        let meshes = maps.meshes().map_err(|error| StoreError::Unavailable { detail: error.to_string() })?.to_vec();
         let held = Arc::make_mut(&mut maps);
         for (mesh, of_file) in meshes.iter().zip(&mut held.vertex_maps) {
             match self.load_numbering(mesh).await {

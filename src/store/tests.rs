@@ -135,7 +135,7 @@ pub(crate) fn basis(seed: f64, vertices: usize) -> Basis {
             orthonormality_defect: 1e-15,
             ..Certificate::default()
         },
-        metadata: json!({"seed": seed}),
+        metadata: json!({"seed": seed}).into(),
     }
 }
 

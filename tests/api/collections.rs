@@ -169,7 +169,7 @@ async fn maps_are_made_in_the_queue_kept_and_found_again() {
     assert_eq!((stored.shapes(), stored.size()), (3, 40));
     assert!(stored.vertex_maps.iter().zip(&stored.vertices).all(|(of_file, &n)| of_file.len() == n));
     assert_eq!(json!(stored.maps[0].points), kept["maps"][0]["points"]);
-    assert_eq!(stored.metadata["solver_version"], chladni_work::SOLVER_VERSION);
+    assert_eq!(stored.metadata.json()["solver_version"], chladni_work::SOLVER_VERSION);
 
     // Equal work is found; another order is other work.
     let again = submit(&app, &body).await;

@@ -495,7 +495,7 @@ async fn a_field_basis_outlives_the_server_and_goes_when_it_is_deleted() {
     assert_eq!(basis["bytes"], bytes.len());
     let fields = npz::read_fields(&bytes).unwrap();
     assert_eq!(
-        (fields.dimension(), fields.metadata["mesh"].clone()),
+        (fields.dimension(), fields.metadata.json()["mesh"].clone()),
         (62, mesh["id"].clone()),
         "with two harmonic fields"
     );

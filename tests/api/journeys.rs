@@ -61,7 +61,7 @@ async fn a_sphere_sounds_as_it_should() {
     // Reading a number from JSON may miss its last digit.
     let agree = |(one, other): (&f64, &f64)| (one - other).abs() <= 4.0 * f64::EPSILON * one.abs();
     assert!(read.eigenvalues.len() == values.len() && read.eigenvalues.iter().zip(&values).all(agree));
-    assert_eq!(read.metadata["mesh"], mesh["id"]);
+    assert_eq!(read.metadata.json()["mesh"], mesh["id"]);
 }
 
 #[tokio::test]

@@ -250,7 +250,7 @@ async fn fixed_rows_a_mass_and_content_are_what_a_dense_solve_says() {
     let url = format!("/v1/bases/{}", text(&basis["id"]));
     let content = app.get(&format!("{url}/content")).send().await.unwrap().bytes().await.unwrap();
     let read = npz::read(&content).unwrap();
-    assert_eq!(read.metadata["pencil"], id);
+    assert_eq!(read.metadata.json()["pencil"], id);
     assert!(matches!(&read.functions, Functions::Dense(dense) if dense.precision() == Precision::F64));
     let vectors: Vec<f64> = read.lift(0..4).unwrap();
     assert!(vectors[..20].iter().all(|&x| x == 0.0) && vectors[20] != 0.0);

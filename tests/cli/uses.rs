@@ -238,7 +238,7 @@ fn shapes_are_mapped_and_compared_by_their_files() {
         (&["compare-shapes", &bench.basis, &bench.mesh, &other][..], 2, "each before its mesh"),
         (&["compare-shapes", &bench.basis, &large, &other, &bench.mesh], 1, "basis.npz"),
         (&[&["functional-map"], &files[..], &["--request", r#"{"source": "a"}"#]].concat(), 2, "told by the files"),
-        (&["functional-map", &bench.basis, &bench.mesh, "--request", "{}"], 2, "2 bases are due"),
+        (&["functional-map", &bench.basis, &bench.mesh, "--request", "{}"], 2, "expected 2 bases"),
         (&["compare-bases", &bench.basis, &bench.mesh], 1, "torus.ply"),
     ] {
         let refused = chladni(arguments);

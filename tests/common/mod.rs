@@ -304,7 +304,8 @@ pub fn plain_basis(n: usize, parameters: Value) -> Basis {
             bounds: vec![0.0, 0.01, 0.02],
             ..Certificate::default()
         },
-        metadata: json!({"parameters": parameters}),
+        metadata: json!({"parameters": parameters, "operator": {"laplacian": "cotangent", "reason": "fair_mesh"}})
+            .into(),
     }
 }
 
@@ -330,7 +331,8 @@ pub fn unit_basis(n: usize, parameters: Value) -> Basis {
             ],
             ..Certificate::default()
         },
-        metadata: json!({"parameters": parameters, "operator": {"laplacian": "robust", "reason": "non_manifold"}}),
+        metadata: json!({"parameters": parameters, "operator": {"laplacian": "robust", "reason": "non_manifold"}})
+            .into(),
     }
 }
 

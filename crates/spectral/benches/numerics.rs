@@ -70,7 +70,7 @@ static CASE: LazyLock<Case> = LazyLock::new(|| {
         eigenvalues: pairs.values,
         mass: problem.mass.clone(),
         certificate,
-        metadata: serde_json::Value::Null,
+        metadata: serde_json::Value::Null.into(),
     };
     let coordinates = (0..3).flat_map(|k| mesh.positions.iter().map(move |p| p[k])).collect();
     let functions = DenseMatrix::from_columns(mesh.positions.len(), 3, coordinates);
@@ -139,7 +139,7 @@ fn frame_of_500_modes(bencher: Bencher) {
             coefficients: DenseMatrix::from_columns(3 * DIMENSION, COUNT, values),
         },
         bounds: vec![0.0; COUNT],
-        metadata: serde_json::Value::Null,
+        metadata: serde_json::Value::Null.into(),
     };
     let lifter = basis.lifter();
     let q: Vec<f64> = (0..COUNT).map(|k| (k as f64).cos()).collect();

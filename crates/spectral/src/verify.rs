@@ -15,7 +15,7 @@ use serde::Serialize;
 pub use finding::Finding;
 pub use kinds::{verify_fields, verify_modes};
 
-use crate::basis::{Basis, BasisError, Functions, Precision};
+use crate::basis::{Basis, BasisError, Functions, Precision, ProvenanceError};
 use crate::operator::MeshOperator;
 use chladni_algebra::{DenseMatrix, FactorError, MassMatrix, SparseMatrix, eigenvalues_below};
 use chladni_base::{Cancelled, Monitor};
@@ -86,6 +86,9 @@ pub enum VerifyError {
     /// The work was cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
+    /// It does not say what it claims, or what it is of.
+    #[error(transparent)]
+    Provenance(#[from] ProvenanceError),
 }
 
 /// Values of approximations up to this, on unit area, count as zero.

@@ -30,7 +30,7 @@ fn basis(shape: Shape, operator: &MeshOperator, vertices: usize, wanted: Wanted,
             tolerance: Some(tolerance),
             ..Certificate::default()
         },
-        metadata: serde_json::Value::Null,
+        metadata: serde_json::Value::Null.into(),
     }
 }
 

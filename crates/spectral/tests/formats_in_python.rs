@@ -26,7 +26,7 @@ fn basis(mass: MassMatrix) -> Basis {
             orthonormality_defect: 1e-15,
             ..Certificate::default()
         },
-        metadata: serde_json::json!({"solver_version": "x"}),
+        metadata: serde_json::json!({"solver_version": "x"}).into(),
     }
 }
 

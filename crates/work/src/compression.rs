@@ -3,7 +3,7 @@
 use chladni_algebra::DenseMatrix;
 use chladni_spectral::analysis::AnalysisError;
 use chladni_spectral::analysis::compression::{Compressed, compress};
-use chladni_spectral::basis::Basis;
+use chladni_spectral::basis::{Basis, ProvenanceError};
 use serde::{Deserialize, Serialize};
 
 use crate::projection::Functions;
@@ -86,21 +86,24 @@ impl Rate {
     }
 
     /// What functions that were compressed so cost, and what they lost.
-    pub fn told(self, basis: &Basis, packed: Compressed) -> CompressionAnswer {
+    ///
+    /// # Errors
+    /// [`ProvenanceError`] where the basis does not say what its rows are.
+    pub fn told(self, basis: &Basis, packed: Compressed) -> Result<CompressionAnswer, ProvenanceError> {
         let (bytes, basis_bytes) = (packed.bytes.len(), basis.stored_bytes());
         let per_vertex = |bytes: f64| 8.0 * bytes / basis.vertices().max(1) as f64;
-        CompressionAnswer {
+        Ok(CompressionAnswer {
             pairs: self.pairs,
             bits: self.bits,
             bytes,
             bits_per_vertex: per_vertex(bytes as f64),
             basis_bytes,
-            basis_from_faces: basis.is_of_graph(),
+            basis_from_faces: basis.is_of_graph()?,
             bits_per_vertex_with_basis: per_vertex(bytes as f64 + basis_bytes as f64),
             step: packed.step,
             nonzeros: packed.nonzeros,
             relative_errors: packed.relative_errors,
             truncation_errors: packed.truncation_errors,
-        }
+        })
     }
 }

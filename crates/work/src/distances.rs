@@ -11,7 +11,7 @@ use chladni_spectral::analysis::distance::{SpectralDistance, nearest};
 use chladni_spectral::analysis::geodesic::geodesic;
 use chladni_spectral::analysis::heat::HeatGeodesics;
 use chladni_spectral::analysis::spectrum::kernel_size;
-use chladni_spectral::basis::Basis;
+use chladni_spectral::basis::{Basis, ProvenanceError, RowsOf};
 use serde::Deserialize;
 
 /// The most sources of one request for geodesic distances on a mesh.
@@ -110,6 +110,9 @@ pub enum DistanceFault {
     /// A vertex, a time or the basis does not fit.
     #[error(transparent)]
     Analysis(#[from] AnalysisError),
+    /// The basis does not say what its rows are.
+    #[error(transparent)]
+    Provenance(#[from] ProvenanceError),
 }
 
 /// Distances, and how far they may be off.
@@ -251,12 +254,15 @@ impl DistanceRequest {
     /// Refuses distances over a surface by a basis of the inside of a solid.
     ///
     /// # Errors
-    /// [`DistanceFault::Inside`], [`DistanceFault::Unitless`].
+    /// [`DistanceFault::Inside`], [`DistanceFault::Unitless`], [`DistanceFault::Provenance`].
     pub fn check_basis(&self, basis: &Basis) -> Result<(), DistanceFault> {
-        match self.needs_mesh() {
-            true if basis.is_of_solid() => Err(DistanceFault::Inside),
-            true if basis.is_of_graph() => Err(DistanceFault::Unitless),
-            _ => Ok(()),
+        if !self.needs_mesh() {
+            return Ok(());
+        }
+        match basis.metadata.rows_of()? {
+            RowsOf::Solid => Err(DistanceFault::Inside),
+            RowsOf::Graph => Err(DistanceFault::Unitless),
+            RowsOf::Surface | RowsOf::Points | RowsOf::Fields | RowsOf::Matrix => Ok(()),
         }
     }
 

@@ -82,7 +82,7 @@ impl Work for IdleParameters {
             eigenvalues: vec![f64::from(self.number)],
             mass: MassMatrix::Diagonal(vec![1.0; n]),
             certificate: Certificate { residuals: vec![0.0], bounds: vec![0.0], ..Certificate::default() },
-            metadata: json!({}),
+            metadata: json!({}).into(),
         };
         Ok(basis.into())
     }

@@ -23,7 +23,6 @@ pub mod packed;
 mod pencil_basis;
 pub mod plain;
 pub mod projection;
-mod provenance;
 #[cfg(feature = "schema")]
 pub mod schema;
 pub mod shape_comparison;
@@ -37,7 +36,7 @@ mod vibration_basis;
 use chladni_base::{Cancelled, Monitor, StageClock, stopped};
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::analysis::AnalysisError;
-use chladni_spectral::basis::{PARTS, Product};
+use chladni_spectral::basis::{JobRecord, PARTS, Product};
 use chladni_spectral::operator::OperatorError;
 use chladni_spectral::spectrum::ApproximationError;
 use chladni_spectral::spectrum::hsim::HsimError;
@@ -59,7 +58,6 @@ pub use map_collection::{MapCollectionParameters, StoredShape};
 use chladni_spectral::field::{DesignError, FieldError, RefineError, SurfaceError};
 pub use operator_family::OperatorFamilyParameters;
 pub use pencil_basis::{PencilBasisParameters, ProblemSize};
-pub use provenance::{Provenance, ProvenanceError};
 pub use vibration_basis::{VibrationBasisParameters, VibrationMethodName};
 
 /// The version of the solvers: it enters the key of equal work, so that a better solver does not answer with old
@@ -474,15 +472,14 @@ impl JobParameters {
         let seconds = clock.finish();
         let mut parameters = of_result(self.canonical());
         abbreviate(&mut parameters);
-        let provenance = Provenance {
+        let made = JobRecord {
             kind: self.kind().to_owned(),
             parameters: parameters.as_object().cloned().unwrap_or_default(),
             solver_version: SOLVER_VERSION.to_owned(),
             vertices: mesh.positions.len(),
             faces: mesh.faces.len(),
-            mesh: None,
         };
-        let mut about = provenance.to_metadata();
+        let mut about = made.into_members();
         add_notes(&mut about, notes);
         product.describe(about);
         Ok(Outcome { product, seconds })

@@ -198,7 +198,7 @@ impl MapCollectionParameters {
             vertex_maps: vec![Vec::new(); shapes.len()],
             maps: found.maps.into_iter().map(stored).collect(),
             cycles: found.cycles,
-            metadata: Value::Object(about),
+            metadata: about.into(),
         };
         Ok(Outcome { product: maps.into(), seconds: clock.finish() })
     }

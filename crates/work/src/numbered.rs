@@ -11,7 +11,7 @@ use crate::table::{Table, TableError};
 use crate::{MeshSize, ParameterError};
 use chladni_algebra::DenseMatrix;
 use chladni_mesh::numbering::{NumberingError, Translation};
-use chladni_spectral::basis::Basis;
+use chladni_spectral::basis::{Basis, ProvenanceError};
 use chladni_spectral::operator::transport::FieldKind;
 
 /// Functions on the vertices of the file as functions on the first `rows` kept ones, column by column.
@@ -50,14 +50,12 @@ pub fn push(to: &Translation, functions: DenseMatrix) -> DenseMatrix {
     DenseMatrix::from_columns(rows, columns, pushed)
 }
 
-/// Whether the rows of an eigenbasis are numbers of faces: eigenfields of the Hodge–Laplacian have two for each.
-pub fn is_of_fields(basis: &Basis) -> bool {
-    basis.metadata["operator"].get("hodge").is_some()
-}
-
 /// How functions in a basis are translated: eigenfields are two numbers in the frame of each face.
-pub fn in_basis(to: Translation, basis: &Basis) -> Translation {
-    if is_of_fields(basis) { to.in_frames(2) } else { to }
+///
+/// # Errors
+/// [`ProvenanceError`] where the basis does not say what its rows are.
+pub fn in_basis(to: Translation, basis: &Basis) -> Result<Translation, ProvenanceError> {
+    Ok(if basis.is_of_fields()? { to.in_frames(2) } else { to })
 }
 
 /// Why a table is no function on the vertices of a mesh.

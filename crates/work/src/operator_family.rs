@@ -80,8 +80,6 @@ impl Work for OperatorFamilyParameters {
 
     fn run(&self, mesh: &TriangleMesh, monitor: &dyn Monitor) -> Result<Product, JobError> {
         let operators = family(mesh, monitor)?;
-        let mut family = restrict_family(mesh, &operators, self.dimension, self.seed, monitor)?;
-        family.metadata["operator"] = serde_json::to_value(&operators.laplacian.report).unwrap_or_default();
-        Ok(family.into())
+        Ok(restrict_family(mesh, &operators, self.dimension, self.seed, monitor)?.into())
     }
 }

@@ -1,12 +1,12 @@
 //! Whether a mesh is the one that a basis of a file lives on: a file has no positions, but the mass of every vertex.
 
+use crate::JobError;
+use crate::eigenbasis::no_solid;
 use chladni_base::Monitor;
 use chladni_mesh::measure::face_area;
 use chladni_mesh::{TetMesh, TriangleMesh};
-use chladni_spectral::basis::Basis;
-use serde_json::json;
-
-use crate::{EigenbasisParameters, JobError};
+use chladni_spectral::basis::{Basis, ProvenanceError, RowsOf};
+use chladni_spectral::operator::{self, Boundary, Laplacian, MassKind, MeshOperator, OperatorKind, OperatorParameters};
 
 /// By how much positions may differ that went through a file, next to the largest coordinate: single precision, or six
 /// digits of a text.
@@ -50,32 +50,40 @@ pub enum StrangeMesh {
     /// The operator of the basis cannot be made on the mesh.
     #[error("the basis does not belong to this mesh: {0}")]
     Operator(JobError),
+    /// The basis does not say what to compare.
+    #[error("whether the basis is of this mesh cannot be checked: {0}")]
+    Provenance(#[from] ProvenanceError),
 }
 
 /// Checks that a basis lives on this mesh, or on the solid whose surface it is, by the mass of every vertex. Positions
-/// may be rounded as files round them, and moved or turned as a whole. A basis that does not say which Laplacian it is
-/// of passes.
+/// may be rounded as files round them, and moved or turned as a whole. A basis of matrices says that it came without a
+/// mesh, and is taken for any of as many vertices.
 ///
 /// Meshes whose vertices all have one mass are alike by it, however they are numbered.
 ///
 /// # Errors
-/// [`StrangeMesh`] names the first vertex that differs.
+/// [`StrangeMesh`] names the first vertex that differs, or what the basis does not say.
 pub fn check_own_mesh(
     basis: &Basis,
     mesh: &TriangleMesh,
     solid: Option<&TetMesh>,
     monitor: &dyn Monitor,
 ) -> Result<(), StrangeMesh> {
-    if basis.metadata["operator"].get("hodge").is_some() {
+    let rows_of = basis.metadata.rows_of()?;
+    if rows_of == RowsOf::Fields {
         return check_areas(basis, mesh);
     }
-    let solid = solid.filter(|_| basis.is_of_solid());
+    let solid = solid.filter(|_| rows_of == RowsOf::Solid);
     let vertices = solid.map_or(mesh.positions.len(), |solid| solid.positions.len());
     if basis.vertices() != vertices {
         return Err(StrangeMesh::Rows { rows: basis.vertices(), vertices });
     }
-    let Some(parameters) = laplacian_of(basis) else { return Ok(()) };
-    let operator = parameters.assemble(mesh, solid, monitor).map_err(StrangeMesh::Operator)?;
+    if rows_of == RowsOf::Matrix {
+        return Ok(());
+    }
+    let laplacian = basis.metadata.laplacian()?;
+    let operator =
+        assembled(laplacian, basis.metadata.mass()?, (mesh, solid), monitor).map_err(StrangeMesh::Operator)?;
     let ones = vec![1.0; vertices];
     let expected = operator.laplacian().mass.scaled(operator.problem.area).multiply(&ones);
     let found = basis.mass.multiply(&ones);
@@ -84,7 +92,7 @@ pub fn check_own_mesh(
     let Some(first) = (0..vertices).find(differs) else { return Ok(()) };
     // An intrinsic triangulation, or one of points, may turn edges over where positions are rounded, and has other
     // masses around these alone.
-    let rounded = basis.metadata["operator"]["laplacian"] == "robust" || mesh.faces.is_empty();
+    let rounded = laplacian == Laplacian::Robust || mesh.faces.is_empty();
     let most: f64 = (0..vertices).filter(differs).map(|v| expected[v].abs()).sum();
     if rounded && most < 0.5 * expected.iter().map(|mass| mass.abs()).sum::<f64>() {
         return Ok(());
@@ -92,19 +100,24 @@ pub fn check_own_mesh(
     Err(StrangeMesh::Mass { vertex: first, found: found[first], expected: expected[first] })
 }
 
-/// The Laplacian whose mass a basis has, as parameters; `None` where it does not say.
-fn laplacian_of(basis: &Basis) -> Option<EigenbasisParameters> {
-    let made = &basis.metadata["operator"]["laplacian"];
-    let operator = match made.as_str()? {
-        "cotangent" => "laplace",
-        other => other,
+/// The Laplacian whose mass a basis has, made anew.
+fn assembled(
+    laplacian: Laplacian,
+    mass: MassKind,
+    (mesh, solid): (&TriangleMesh, Option<&TetMesh>),
+    monitor: &dyn Monitor,
+) -> Result<MeshOperator, JobError> {
+    let operator = match laplacian {
+        Laplacian::Volume => {
+            let solid = solid.ok_or_else(no_solid)?;
+            return Ok(operator::volume::assemble(solid, mass, Boundary::Neumann, monitor)?);
+        }
+        Laplacian::Cotangent => OperatorKind::Laplace,
+        Laplacian::Polygon => OperatorKind::Polygon,
+        Laplacian::Robust => OperatorKind::Robust,
+        Laplacian::Graph => OperatorKind::Graph,
     };
-    let mut given = json!({"method": "hsim", "operator": operator});
-    let mass = &basis.metadata["parameters"]["mass"];
-    if operator != "graph" && mass.is_string() {
-        given["mass"] = mass.clone();
-    }
-    EigenbasisParameters::parse(&given).ok()
+    Ok(operator::assemble(mesh, &OperatorParameters { operator, mass, boundary: Boundary::Neumann }, monitor)?)
 }
 
 /// By how much rounded positions change the mass of each vertex: for each of its triangles by an edge times what a
@@ -156,11 +169,83 @@ fn check_areas(basis: &Basis, mesh: &TriangleMesh) -> Result<(), StrangeMesh> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Work;
+    use std::io::Cursor;
+
+    use crate::verification::problem_of;
+    use crate::{EigenbasisParameters, Work};
     use chladni_base::Unwatched;
     use chladni_mesh::shape::{Shape, generate};
     use chladni_spectral::basis::Product;
-    use serde_json::Value;
+    use chladni_spectral::formats::npz;
+    use chladni_spectral::spectrum::heat::HeatParameters;
+    use chladni_spectral::spectrum::{ApproximationParameters, Space, approximate};
+    use serde_json::{Value, json};
+
+    /// The basis with another text in place of one of its metadata.
+    fn saying(basis: &Basis, this: &str, instead: &str) -> Basis {
+        let said = basis.metadata.json().to_string();
+        assert!(said.contains(this), "{said}");
+        let metadata: Value = serde_json::from_str(&said.replace(this, instead)).unwrap();
+        Basis { metadata: metadata.into(), ..basis.clone() }
+    }
+
+    #[test]
+    fn a_basis_that_does_not_say_what_it_is_of_is_refused_by_name() {
+        let mesh = generate(Shape::Sphere, 300).unwrap();
+        for parameters in
+            [json!({"count": 6, "operator": "laplace"}), json!({"method": "hsim", "count": 6, "operator": "graph"})]
+        {
+            let basis = solved(&mesh, &parameters);
+            let refused = |this: &str, instead: &str| {
+                check_own_mesh(&saying(&basis, this, instead), &mesh, None, &Unwatched)
+                    .map_err(|error| error.to_string())
+            };
+            let none = refused("\"laplacian\"", "\"another\"").unwrap_err();
+            assert!(
+                none.contains("with which Laplacian it was made: its metadata have no \"operator.laplacian\""),
+                "{none}"
+            );
+            let unknown = refused("\"laplacian\":\"", "\"laplacian\":\"un").unwrap_err();
+            assert!(unknown.contains("\"operator.laplacian\" of its metadata is \"un"), "{unknown}");
+            let none = refused("\"mass\"", "\"another\"").unwrap_err();
+            assert!(none.contains("with which mass it was made: its metadata have no \"parameters.mass\""), "{none}");
+            let bare = Basis { metadata: json!({}).into(), ..Basis::clone(&basis) };
+            assert!(matches!(check_own_mesh(&bare, &mesh, None, &Unwatched), Err(StrangeMesh::Provenance(_))));
+        }
+    }
+
+    #[test]
+    fn bases_that_no_job_made_are_checked_too() {
+        let mesh = generate(Shape::Torus, 600).unwrap();
+        let parameters = ApproximationParameters {
+            count: 6,
+            dimension: 60,
+            space: Space::Heat(HeatParameters::default()),
+            goal: None,
+            certify: false,
+            seed: 0,
+        };
+        let stretched = moved(&mesh, |[x, y, z]| [x, y, 3.0 * z]);
+        for mass in [MassKind::Barycentric, MassKind::Consistent] {
+            let asked = OperatorParameters { mass, ..OperatorParameters::default() };
+            let operator = operator::assemble(&mesh, &asked, &Unwatched).unwrap();
+            let basis = approximate(&mesh, &operator, &parameters, &Unwatched).unwrap();
+            let mut file = Cursor::new(Vec::new());
+            npz::write(&basis, &mut file).unwrap();
+            let read = npz::read(file.get_ref()).unwrap();
+            assert_eq!(read.metadata, basis.metadata);
+            check_own_mesh(&read, &mesh, None, &Unwatched).unwrap();
+            let refused = check_own_mesh(&read, &stretched, None, &Unwatched);
+            assert!(matches!(refused, Err(StrangeMesh::Mass { .. })), "{refused:?}");
+            // It says enough to be judged, too.
+            let problem = problem_of(&read, None).unwrap();
+            assert_eq!(problem.canonical()["mass"], serde_json::to_value(mass).unwrap());
+        }
+        let short = chladni_spectral::Mesh::new(mesh.positions.clone(), mesh.faces.clone()).unwrap();
+        let basis = short.eigen(6).approximate(0.05).unwrap();
+        check_own_mesh(&basis, short.surface(), None, &Unwatched).unwrap();
+        assert!(matches!(check_own_mesh(&basis, &stretched, None, &Unwatched), Err(StrangeMesh::Mass { .. })));
+    }
 
     fn solved(mesh: &TriangleMesh, parameters: &Value) -> std::sync::Arc<Basis> {
         let parameters = EigenbasisParameters::parse(parameters).unwrap();

@@ -7,13 +7,13 @@ use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::analysis::AnalysisError;
 use chladni_spectral::analysis::mode_gradient::{LossDerivatives, mode_gradient};
 use chladni_spectral::analysis::value_gradient::value_gradient;
-use chladni_spectral::basis::Basis;
+use chladni_spectral::basis::{Basis, ProvenanceError};
 use chladni_spectral::operator::MassKind;
 use chladni_spectral::operator::derivative::Elements;
 use serde::Deserialize;
 
 use crate::verification::problem_of;
-use crate::{JobError, MeshSize, ParameterError, Provenance, ProvenanceError};
+use crate::{JobError, MeshSize, ParameterError};
 
 /// Which function of the eigenvalues.
 #[derive(Debug, Default, Deserialize)]
@@ -30,7 +30,7 @@ pub struct ValueGradientRequest {
 /// Why there is no gradient.
 #[derive(Debug, thiserror::Error)]
 pub enum GradientFault {
-    /// The basis does not say what its mass is.
+    /// The basis does not say what its mass or its rows are.
     #[error(transparent)]
     Provenance(#[from] ProvenanceError),
     /// It cannot be computed.
@@ -111,15 +111,11 @@ fn made_of<'a>(
     basis: &Basis,
     (mesh, solid): (&'a TriangleMesh, Option<&'a TetMesh>),
 ) -> Result<(Elements<'a>, MassKind), GradientFault> {
-    let mass = Provenance::read(&basis.metadata)?.parameters.get("mass").map(MassKind::deserialize);
-    let mass = mass.and_then(Result::ok).ok_or(ProvenanceError::Parameter { name: "mass" })?;
-    Ok((
-        match solid.filter(|_| basis.is_of_solid()) {
-            Some(solid) => Elements::Tetrahedra(solid),
-            None => Elements::Triangles(mesh),
-        },
-        mass,
-    ))
+    let elements = match solid {
+        Some(solid) if basis.is_of_solid()? => Elements::Tetrahedra(solid),
+        _ => Elements::Triangles(mesh),
+    };
+    Ok((elements, basis.metadata.mass()?))
 }
 
 /// A gradient as those see it who number vertices otherwise.

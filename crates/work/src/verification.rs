@@ -2,8 +2,8 @@
 
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::{TetMesh, TriangleMesh};
-use chladni_spectral::basis::Basis;
 use chladni_spectral::basis::modal::ModalBasis;
+use chladni_spectral::basis::{AskedOperator, Basis, ProvenanceError, VibratingObject};
 use chladni_spectral::field::FieldSurface;
 use chladni_spectral::operator::{OperatorError, elastic};
 use chladni_spectral::spectrum::pencil::{Mass, Matrices};
@@ -22,33 +22,35 @@ pub enum JudgeError {
     /// The operator could not be assembled on the mesh, or the work was cancelled.
     #[error(transparent)]
     Operator(#[from] JobError),
-    /// Its functions could not be read, or the work was cancelled.
+    /// Its functions could not be read, it does not say what it claims, or the work was cancelled.
     #[error(transparent)]
     Verify(#[from] VerifyError),
+    /// It does not say what its residuals are relative to.
+    #[error(transparent)]
+    Provenance(#[from] ProvenanceError),
 }
 
 /// The problem that a basis is said to solve: operator, mass and boundary condition of the job that made it; `operator`
 /// takes the place of that of the basis, which does not carry a potential that came with the job.
 ///
 /// # Errors
-/// [`ParameterError::Value`] where no operator is named.
+/// [`ParameterError::Value`] where operator, mass or boundary condition is not said.
 pub fn problem_of(basis: &Basis, operator: Option<Value>) -> Result<EigenbasisParameters, ParameterError> {
-    let refused = |reason: &str| Err(ParameterError::Value { name: "operator", reason: reason.to_owned() });
-    let mut parameters = basis.metadata["parameters"].clone();
-    if let Some(operator) = operator {
-        if !parameters.is_object() {
-            parameters = json!({});
-        }
-        parameters["operator"] = operator;
-    }
-    if !parameters.is_object() || parameters.get("operator").is_none_or(Value::is_null) {
-        return refused("this basis does not say which operator it is of");
-    }
+    let made = &basis.metadata;
+    let unsaid = |name| move |error: ProvenanceError| ParameterError::Value { name, reason: error.to_string() };
+    let operator = match operator {
+        Some(operator) => operator,
+        None => match made.operator().map_err(unsaid("operator"))? {
+            AskedOperator::Whole(operator) => json!(operator),
+            AskedOperator::Abbreviated { name } => {
+                let reason = format!("the numbers of \"{name}\" are too many for this basis to carry");
+                return Err(ParameterError::Value { name: "operator", reason });
+            }
+        },
+    };
+    let (mass, boundary) = (made.mass().map_err(unsaid("mass"))?, made.boundary().map_err(unsaid("boundary"))?);
     // Of the methods, the exact one takes every operator.
-    let mut given = serde_json::Map::from_iter([("method".to_owned(), json!("hsim"))]);
-    let problem = ["operator", "mass", "boundary"].map(|name| (name.to_owned(), parameters[name].clone()));
-    given.extend(problem.into_iter().filter(|(_, value)| !value.is_null()));
-    EigenbasisParameters::parse(&Value::Object(given))
+    EigenbasisParameters::parse(&json!({"method": "hsim", "operator": operator, "mass": mass, "boundary": boundary}))
 }
 
 /// What the modes of a vibration are said to be of: object, material and held vertices of the job that made them.
@@ -57,11 +59,20 @@ pub fn problem_of(basis: &Basis, operator: Option<Value>) -> Result<EigenbasisPa
 /// [`ParameterError`] where they do not say it in full, as where more vertices are held than a file lists; `clamped`
 /// takes their place.
 pub fn vibration_of(modes: &ModalBasis, clamped: Option<Vec<u32>>) -> Result<VibrationBasisParameters, ParameterError> {
-    let mut parameters = modes.metadata["parameters"].clone();
-    if let Some(clamped) = clamped.filter(|_| parameters.is_object()) {
-        parameters["clamped"] = json!(clamped);
+    let unsaid = |error: ProvenanceError| match error {
+        ProvenanceError::Missing { member: "parameters.clamped", .. }
+        | ProvenanceError::Unknown { member: "parameters.clamped", .. } => {
+            ParameterError::Value { name: "clamped", reason: error.to_string() }
+        }
+        _ => ParameterError::Value { name: "object", reason: error.to_string() },
+    };
+    let object = modes.metadata.vibrating(clamped.as_deref()).map_err(unsaid)?;
+    let VibratingObject { thickness, material, clamped, clamped_rotations } = object;
+    let mut given = json!({"count": modes.count(), "material": material, "clamped": clamped, "clamped_rotations": clamped_rotations});
+    if let Some(thickness) = thickness {
+        given["thickness"] = json!(thickness);
     }
-    VibrationBasisParameters::parse(&parameters)
+    VibrationBasisParameters::parse(&given)
 }
 
 /// Assembles the operator of `parameters` on the mesh, or on the solid whose surface it is, and judges the basis by it.
@@ -163,7 +174,7 @@ impl<'a> From<&'a Basis> for Pairs<'a> {
             first: basis.certificate.first,
             eigenvalues: &basis.eigenvalues,
             bounds: &basis.certificate.bounds,
-            solved_with: &basis.metadata["parameters"],
+            solved_with: &basis.metadata.json()["parameters"],
         }
     }
 }
@@ -188,7 +199,7 @@ pub fn modes_receipt(
     hashes: (&Value, &str),
     seconds: f64,
 ) -> Value {
-    let solved_with = &modes.metadata["parameters"];
+    let solved_with = &modes.metadata.json()["parameters"];
     let pairs = Pairs { first: 0, eigenvalues: &modes.eigenvalues, bounds: &modes.bounds, solved_with };
     let operator = json!({"elastic": {"thickness": parameters.thickness, "material": parameters.material}});
     let boundary = if parameters.clamped.is_empty() { "free" } else { "clamped" };
@@ -238,7 +249,7 @@ pub fn judge_pencil(
     fixed: &[u32],
     monitor: &dyn Monitor,
 ) -> Result<Verification, JudgeError> {
-    let moved = basis.metadata["moved"].as_f64().filter(|moved| moved.is_finite()).unwrap_or(0.0);
+    let moved = basis.metadata.moved()?;
     let operator = matrices.moved(moved, fixed, monitor).map_err(JobError::from)?;
     if moved == 0.0 {
         return Ok(verify(basis, &operator, monitor)?);
@@ -296,7 +307,7 @@ mod tests {
             assert!(outcome.proven.is_some_and(|proven| proven > 0), "{parameters}: {outcome:?}");
             let receipt = receipt(&basis, &problem, &outcome, (&json!({}), ""), 0.0);
             assert_eq!((&receipt["verdict"], &receipt["pairs"]), (&json!("confirmed"), &json!(basis.count())));
-            assert_eq!(basis.metadata["interval"].is_null(), parameters.get("between").is_none());
+            assert_eq!(basis.metadata.json()["interval"].is_null(), parameters.get("between").is_none());
             // Another first index: one pair more is said to lie below.
             basis.certificate.first += 1;
             let outcome = judge(&basis, &mesh, None, &problem, &Unwatched).unwrap();
@@ -357,7 +368,7 @@ mod tests {
                 let parameters = json!({"operator": "hodge", "method": "hsim", "count": 24, "tolerance": tolerance, "precision": precision});
                 let parameters = EigenbasisParameters::parse(&parameters).unwrap();
                 let mut basis = parameters.run(&mesh, &Unwatched).unwrap();
-                basis.metadata = json!({"parameters": parameters.canonical()});
+                basis.metadata = json!({"parameters": parameters.canonical()}).into();
                 let outcome = judge(&basis, &mesh, None, &parameters, &Unwatched).unwrap();
                 assert!(outcome.findings.is_empty(), "{shape} {precision}: {:?}", outcome.findings);
             }
@@ -365,7 +376,7 @@ mod tests {
                 json!({"operator": "hodge", "method": "hsim", "count": 24, "tolerance": 1e-6, "precision": "f64"});
             let parameters = EigenbasisParameters::parse(&parameters).unwrap();
             let (product, basis) = (parameters.canonical(), parameters.run(&mesh, &Unwatched).unwrap());
-            let mut basis = Basis { metadata: json!({"parameters": product}), ..basis };
+            let mut basis = Basis { metadata: json!({"parameters": product}).into(), ..basis };
             let problem = problem_of(&basis, None).unwrap();
             assert!(problem.is_hodge());
             let outcome = judge(&basis, &mesh, None, &problem, &Unwatched).unwrap();

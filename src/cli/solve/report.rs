@@ -46,8 +46,8 @@ impl Run {
             "orthonormality_defect": self.basis.certificate.orthonormality_defect,
             "iterations": self.basis.certificate.levels.iter().map(|level| level.iterations).collect::<Vec<_>>(),
             "certificate": self.certificate(),
-            "operator_report": self.basis.metadata["operator"],
-            "method_used": self.basis.metadata["method"],
+            "operator_report": self.basis.metadata.json()["operator"],
+            "method_used": self.basis.metadata.method(),
             "basis_bytes": self.basis.stored_bytes(),
             "dense_bytes": self.basis.dense_bytes(),
         });
@@ -77,7 +77,6 @@ impl Run {
     /// A few lines to read.
     pub fn table(&self, job: &JobParameters, arguments: &WorkArguments) -> String {
         let parameters = job.canonical();
-        let word = |name: &str| parameters[name].as_str().unwrap_or_default().to_owned();
         let mut text = format!(
             "{}: {} vertices, {} faces\n",
             arguments.input.mesh.display(),
@@ -87,9 +86,10 @@ impl Run {
         let certificate = &self.basis.certificate;
         let pairs = grouped(self.basis.eigenvalues.len());
         // Eigenfields have no name of a method of their own.
-        let method = self.basis.metadata["method"].as_str().unwrap_or_default().to_owned();
-        let words = ["construction", "variant", "start"].into_iter().map(word);
-        let details: Vec<String> = [method].into_iter().chain(words).filter(|word| !word.is_empty()).collect();
+        let method = self.basis.metadata.method();
+        // Each method has some of these parameters.
+        let words = ["construction", "variant", "start"].into_iter().map(|name| parameters[name].as_str());
+        let details: Vec<&str> = [method].into_iter().chain(words).flatten().collect();
         let details = details.join(", ");
         text += &match (certificate.tolerance, certificate.accuracy) {
             (Some(tolerance), _) => format!("{pairs} eigenpairs to a tolerance of {tolerance:e} ({details})\n\n"),
@@ -116,7 +116,7 @@ impl Run {
         }
         let Certificate { residuals, estimates, bounds, .. } = certificate;
         text += &eigenvalue_table(&self.basis.eigenvalues, residuals, estimates, bounds);
-        if let Some(flat @ 1..) = self.basis.metadata["operator"]["flat_tetrahedra"].as_u64() {
+        if let Ok(flat @ 1..) = self.basis.metadata.flat_tetrahedra() {
             text += &format!(
                 "\ntetrahedra that are flat but for rounding, and left out: {flat}; all values are those of the others\n"
             );

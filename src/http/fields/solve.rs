@@ -6,7 +6,6 @@ use std::sync::Arc;
 use chladni_base::{Monitor, Unwatched};
 use chladni_spectral::basis::ProductKind;
 use chladni_spectral::field::{DesignModel, FullSpace};
-use chladni_work::Provenance;
 use chladni_work::design::{
     AlignmentRequest, DesignRequest, Designed, FacesRequest, FieldSource, FieldTable, Goal, KeptFields, NamedTarget,
     NamedWeights, PerFace, Setting, Target, numerators,
@@ -58,8 +57,8 @@ impl LoadedBasis {
     pub async fn load(state: &ClientState, id: Uuid) -> Result<Self, Problem> {
         // The product first: it is in memory where a stroke is being dragged.
         let fields = state.store.load_fields(id).await?;
-        let mesh = match Provenance::read(&fields.metadata).ok().and_then(|provenance| provenance.mesh) {
-            Some(mesh) => mesh,
+        let mesh = match fields.metadata.mesh() {
+            Some(mesh) => mesh.to_owned(),
             None => find_kind(state, id, ProductKind::FieldBasis).await?.mesh,
         };
         let surface = cache::surface(state, &mesh).await?;

@@ -3,7 +3,7 @@
 use chladni_algebra::{DefiniteError, EigenError, FactorError};
 use chladni_base::{Cancelled, stopped};
 
-use crate::basis::{Basis, BasisError};
+use crate::basis::{Basis, BasisError, ProvenanceError};
 use crate::operator::OperatorError;
 
 /// Why something was not computed in a basis.
@@ -92,6 +92,9 @@ pub enum AnalysisError {
         /// Of what.
         of: String,
     },
+    /// The basis does not say what it is of.
+    #[error(transparent)]
+    Provenance(#[from] ProvenanceError),
     /// Eigenvalues coincide, and a loss depends on which functions of their common space stand for them.
     #[error(
         "eigenvalues {first} and {second} coincide, and the loss depends on the choice of eigenfunctions in their common space; weight all eigenvalues of a cluster equally"

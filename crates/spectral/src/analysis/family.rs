@@ -7,6 +7,7 @@
 use chladni_algebra::{DenseMatrix, EigenError, lowest_symmetric};
 use chladni_base::Unwatched;
 
+use crate::basis::ProvenanceError;
 use crate::basis::family::FamilyBasis;
 
 /// An operator of the family.
@@ -32,6 +33,9 @@ pub enum FamilyError {
     /// The restricted problem could not be solved.
     #[error(transparent)]
     Eigen(#[from] EigenError),
+    /// The family does not say for which members its space was made.
+    #[error(transparent)]
+    Provenance(#[from] ProvenanceError),
 }
 
 /// The lowest pairs of one operator.
@@ -65,14 +69,17 @@ impl Member {
 /// How many of the lowest pairs of a member the space was made for. With all functions of the mesh they are exact,
 /// every one; else they are two thirds of the pairs that each anchor gave, of members whose curvature is no more than
 /// that of the last anchor, and none of others: those can be many times too large.
-pub fn covered(family: &FamilyBasis, member: Member) -> usize {
+///
+/// # Errors
+/// [`ProvenanceError`] where the family does not say for which members its space was made.
+pub fn covered(family: &FamilyBasis, member: Member) -> Result<usize, ProvenanceError> {
     if family.dimension() == family.vertices() {
-        return family.dimension();
+        return Ok(family.dimension());
     }
-    let anchors = || family.metadata["anchors"].as_array().into_iter().flatten();
-    let most = anchors().filter_map(|anchor| anchor["curvature"].as_f64()).fold(0.0, f64::max);
-    let given = anchors().filter_map(|anchor| anchor["pairs"].as_u64()).min().unwrap_or(0);
-    if member.curvature <= most { given as usize * 2 / 3 } else { 0 }
+    let anchors = family.metadata.anchors()?;
+    let most = anchors.iter().map(|anchor| anchor.curvature).fold(0.0, f64::max);
+    let given = anchors.iter().map(|anchor| anchor.pairs).min().unwrap_or(0);
+    Ok(if member.curvature <= most { given * 2 / 3 } else { 0 })
 }
 
 /// The lowest `count` pairs of an operator of the family, by the dense eigensolver: an answer depends on nothing that
@@ -80,7 +87,8 @@ pub fn covered(family: &FamilyBasis, member: Member) -> usize {
 /// is called from.
 ///
 /// # Errors
-/// [`FamilyError`]: parameters out of range, more pairs than the family has dimensions.
+/// [`FamilyError`]: parameters out of range, more pairs than the family has dimensions, a family that does not say for
+/// which members its space was made.
 pub fn spectrum(family: &FamilyBasis, member: Member, count: usize) -> Result<Spectrum, FamilyError> {
     member.check()?;
     let d = family.dimension();
@@ -88,7 +96,7 @@ pub fn spectrum(family: &FamilyBasis, member: Member, count: usize) -> Result<Sp
         let reason = format!("must be between 1 and {d}, the dimension of the family, not {count}");
         return Err(FamilyError::Parameter { name: "count", reason });
     }
-    let covered = covered(family, member).min(count);
+    let covered = covered(family, member)?.min(count);
     if member == Member::default() {
         // The Laplacian: its pairs are the coordinates.
         let eigenvalues = family.eigenvalues[..count].to_vec();

@@ -5,14 +5,12 @@ use chladni_algebra::{DenseMatrix, MassMatrix, SparseMatrix};
 use chladni_base::Unwatched;
 use chladni_mesh::TriangleMesh;
 
-use crate::basis::{Basis, Certificate, Compact, DenseFunctions, Functions, Precision};
+use crate::basis::{Basis, Certificate, Compact, DenseFunctions, Functions, Precision, Provenance};
 use crate::operator::MeshOperator;
 use crate::spectrum::hsim::{HsimParameters, Wanted, solve};
 
-/// The lowest pairs of an operator to a tolerance, in double precision, with the Laplacian noted that it was assembled
-/// of.
+/// The lowest pairs of an operator to a tolerance, in double precision, with what it was assembled of.
 pub fn solved(operator: &MeshOperator, vertices: usize, count: usize, tolerance: f64) -> Basis {
-    let laplacian = serde_json::to_value(operator.report.laplacian).unwrap();
     let mesh = TriangleMesh { positions: vec![[0.0; 3]; vertices], faces: Vec::new(), ..Default::default() };
     let parameters = HsimParameters { wanted: Wanted::Count(count), tolerance, ..HsimParameters::default() };
     let pairs = solve(&mesh, &operator.problem, &parameters, false, &Unwatched).unwrap();
@@ -21,7 +19,7 @@ pub fn solved(operator: &MeshOperator, vertices: usize, count: usize, tolerance:
         eigenvalues: pairs.values,
         mass: operator.problem.mass.scaled(operator.problem.area),
         certificate: Certificate::default(),
-        metadata: serde_json::json!({"operator": {"laplacian": laplacian}}),
+        metadata: Provenance::of_operator(operator),
     }
 }
 
@@ -42,7 +40,7 @@ pub fn chain(n: usize, m: usize) -> Basis {
         eigenvalues: (0..m).map(|k| 2.0 - 2.0 * frequency(k).cos()).collect(),
         mass: MassMatrix::Diagonal(vec![1.0; n]),
         certificate: Certificate::default(),
-        metadata: serde_json::Value::Null,
+        metadata: serde_json::Value::Null.into(),
     }
 }
 

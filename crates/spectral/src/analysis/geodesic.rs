@@ -294,7 +294,7 @@ mod tests {
             eigenvalues: pairs.values,
             mass: operator.laplacian().mass.scaled(operator.laplacian().area),
             certificate: Certificate::default(),
-            metadata: serde_json::Value::Null,
+            metadata: serde_json::Value::Null.into(),
         }
     }
 

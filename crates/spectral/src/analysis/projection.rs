@@ -64,7 +64,7 @@ mod tests {
             eigenvalues: vec![0.0, 1.0],
             mass: MassMatrix::Diagonal(vec![1.0, 2.0, 3.0, 4.0]),
             certificate: Certificate::default(),
-            metadata: serde_json::Value::Null,
+            metadata: serde_json::Value::Null.into(),
         }
     }
 

@@ -8,8 +8,8 @@ use chladni_base::{Cancelled, Monitor};
 
 use super::error::AnalysisError;
 use crate::basis::{Basis, CHUNK_COLUMNS, Functions, Real, Visit};
-use crate::operator::MassKind;
 use crate::operator::derivative::{Elements, FormSums};
+use crate::operator::{Laplacian, MassKind};
 
 /// The gradient of `Σ_k weights_k λ_k` by the positions of the vertices: three numbers for each, in 1/length³ of the
 /// input. With `weights_k = ∂L/∂λ_k` it is `∂L/∂p`.
@@ -22,7 +22,8 @@ use crate::operator::derivative::{Elements, FormSums};
 /// # Errors
 /// [`AnalysisError::Count`] where there are not as many weights as values; [`AnalysisError::Mesh`] where the elements
 /// have other vertices; [`AnalysisError::Parameter`] for a weight that is not finite; [`AnalysisError::NoDerivative`]
-/// for Voronoi areas and operators that are made of something else; functions that cannot be read, cancellation.
+/// for Voronoi areas and operators that are made of something else; [`AnalysisError::Provenance`] where the basis does
+/// not say which operator it is of; functions that cannot be read, cancellation.
 pub fn value_gradient(
     basis: &Basis,
     elements: Elements<'_>,
@@ -90,17 +91,18 @@ pub(super) fn check(basis: &Basis, elements: Elements<'_>, mass: MassKind) -> Re
     if mass == MassKind::Voronoi {
         return none("Voronoi areas");
     }
-    // Operators that are more than a Laplacian are objects.
-    if let Some(kind) = basis.metadata["parameters"]["operator"].as_object().and_then(|operator| operator.keys().next())
-    {
-        return none(&format!("the operator \"{kind}\""));
+    match (basis.metadata.laplacian()?, elements) {
+        (Laplacian::Cotangent, Elements::Triangles(mesh)) if mesh.faces.is_empty() => {
+            return none("the Laplacian of points");
+        }
+        (Laplacian::Cotangent, Elements::Triangles(_)) | (Laplacian::Volume, Elements::Tetrahedra(_)) => {}
+        (Laplacian::Robust, _) => return none("the robust Laplacian"),
+        (Laplacian::Graph, _) => return none("the Laplacian of a graph"),
+        _ => return none("this operator"),
     }
-    match (basis.metadata["operator"]["laplacian"].as_str(), elements) {
-        (Some("cotangent"), Elements::Triangles(mesh)) if mesh.faces.is_empty() => none("the Laplacian of points"),
-        (Some("cotangent"), Elements::Triangles(_)) | (Some("volume"), Elements::Tetrahedra(_)) => Ok(()),
-        (Some("robust"), _) => none("the robust Laplacian"),
-        (Some("graph"), _) => none("the Laplacian of a graph"),
-        _ => none("this operator"),
+    match basis.metadata.operator()?.beyond_laplacian() {
+        Some(kind) => none(&format!("the operator \"{kind}\"")),
+        None => Ok(()),
     }
 }
 

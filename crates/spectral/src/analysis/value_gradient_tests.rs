@@ -155,17 +155,19 @@ fn what_has_no_gradient_is_refused_by_name() {
     for (laplacian, name) in
         [("robust", "the robust Laplacian"), ("graph", "the Laplacian of a graph"), ("volume", "this operator")]
     {
-        found.metadata = serde_json::json!({"operator": {"laplacian": laplacian}});
+        found.metadata = serde_json::json!({"operator": {"laplacian": laplacian}}).into();
         assert!(of(&found, MassKind::Barycentric, &[1.0; 4]).contains(name));
     }
-    found.metadata = serde_json::json!({"operator": {"laplacian": "cotangent"}, "parameters": {"operator": {"extrinsic": {"t": 0.5}}}});
+    found.metadata = serde_json::json!({"operator": {"laplacian": "cotangent"}, "parameters": {"operator": {"extrinsic": {"t": 0.5}}}}).into();
     assert!(of(&found, MassKind::Barycentric, &[1.0; 4]).contains("the operator \"extrinsic\""));
-    found.metadata = serde_json::json!({"operator": {"laplacian": "cotangent", "reason": "points"}});
+    found.metadata = serde_json::json!({"operator": {"laplacian": "cotangent", "reason": "points"}}).into();
     let points = TriangleMesh { positions: mesh.positions.clone(), faces: Vec::new(), ..Default::default() };
     let refused = value_gradient(&found, Elements::Triangles(&points), MassKind::Barycentric, &[1.0; 4], &Unwatched);
     assert!(refused.unwrap_err().to_string().contains("the Laplacian of points"));
-    found.metadata = serde_json::json!({});
-    assert!(of(&found, MassKind::Barycentric, &[1.0; 4]).contains("this operator"));
+    found.metadata = serde_json::json!({}).into();
+    assert!(of(&found, MassKind::Barycentric, &[1.0; 4]).contains("does not say with which Laplacian"));
+    found.metadata = serde_json::json!({"operator": {"laplacian": "cotangent"}}).into();
+    assert!(of(&found, MassKind::Barycentric, &[1.0; 4]).contains("does not say with which operator"));
     let other = generate(Shape::Sphere, 200).unwrap();
     let refused = value_gradient(&found, Elements::Triangles(&other), MassKind::Barycentric, &[1.0; 4], &Unwatched);
     assert!(matches!(refused, Err(AnalysisError::Mesh { .. })));

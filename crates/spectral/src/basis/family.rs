@@ -3,6 +3,8 @@
 use chladni_algebra::{DenseMatrix, MassMatrix, row_parts};
 use chladni_base::parallel::*;
 
+use super::Provenance;
+
 /// `S`, `A` and the curvature potential `V` in one space of `d` functions on `n` vertices, in the Ritz coordinates of
 /// `S`.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,8 +20,8 @@ pub struct FamilyBasis {
     pub curvature: DenseMatrix,
     /// The mass of the input, `n × n`.
     pub mass: MassMatrix,
-    /// How the family was made, as a JSON object.
-    pub metadata: serde_json::Value,
+    /// How the family was made.
+    pub metadata: Provenance,
 }
 
 impl FamilyBasis {

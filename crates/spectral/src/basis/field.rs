@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use chladni_algebra::SparseMatrix;
 
-use super::FieldSpace;
+use super::{FieldSpace, Provenance};
 use crate::operator::transport::FieldKind;
 
 /// A space of fields and the energies restricted to it, on the surface scaled to unit area.
@@ -40,8 +40,8 @@ pub struct StoredFields {
     pub basis: FieldBasis,
     /// Its eigenpairs; `None` where the space is too large for a dense eigenproblem.
     pub ritz: Option<Arc<RitzFields>>,
-    /// How the basis was made, as a JSON object.
-    pub metadata: serde_json::Value,
+    /// How the basis was made.
+    pub metadata: Provenance,
 }
 
 impl StoredFields {
@@ -95,7 +95,7 @@ pub(crate) mod tests {
                 let vectors = (0..25).map(|i| (i as f32).sin()).collect();
                 Arc::new(RitzFields { values: vec![0.0, 1.0, 2.0, 4.0, 8.0], vectors })
             }),
-            metadata: serde_json::json!({"kind": "field_basis"}),
+            metadata: serde_json::json!({"kind": "field_basis"}).into(),
         }
     }
 

@@ -31,7 +31,7 @@ pub struct SpaceError(pub &'static str);
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum FieldMisfit {
     /// There are more or fewer numbers than there should be.
-    #[error("{found} {what} where {expected} are due")]
+    #[error("expected {expected} {what}, got {found}")]
     Numbers {
         /// What they are.
         what: &'static str,

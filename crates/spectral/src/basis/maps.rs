@@ -3,6 +3,8 @@
 use chladni_algebra::DenseMatrix;
 use serde::{Deserialize, Serialize};
 
+use super::{Provenance, ProvenanceError};
+
 /// What the metadata of maps name as their kind.
 pub const MAP_COLLECTION: &str = "map_collection";
 
@@ -18,8 +20,8 @@ pub struct StoredMaps {
     pub maps: Vec<StoredMap>,
     /// How far points are from where they started after a walk around.
     pub cycles: CycleErrors,
-    /// How the maps were made, as a JSON object: bases, parameters with defaults filled in, solver version.
-    pub metadata: serde_json::Value,
+    /// How the maps were made: bases, parameters with defaults filled in, solver version.
+    pub metadata: Provenance,
 }
 
 /// The map from one shape of a collection to another.
@@ -58,9 +60,12 @@ impl StoredMaps {
         self.vertices.len()
     }
 
-    /// The identifiers of the meshes of the shapes, as far as they are told.
-    pub fn meshes(&self) -> impl Iterator<Item = &str> {
-        self.metadata["meshes"].as_array().into_iter().flatten().filter_map(|mesh| mesh.as_str())
+    /// The identifiers of the meshes of the shapes, one each, in a service.
+    ///
+    /// # Errors
+    /// [`ProvenanceError`] where they are not told.
+    pub fn meshes(&self) -> Result<&[String], ProvenanceError> {
+        self.metadata.meshes(self.shapes())
     }
 
     /// The size of each map.
@@ -114,7 +119,8 @@ pub(super) mod tests {
             maps: ordered_pairs(3).map(map).collect(),
             vertex_maps: vec![vec![0, -1, 1, 2], Vec::new(), vec![4, 3, 2, 1, 0]],
             cycles: CycleErrors { pairs: 0.5, triples: Some(0.25), largest: 1.0 },
-            metadata: serde_json::json!({"kind": MAP_COLLECTION, "bases": ["a", "b", "c"], "meshes": ["x", "y", "z"]}),
+            metadata: serde_json::json!({"kind": MAP_COLLECTION, "bases": ["a", "b", "c"], "meshes": ["x", "y", "z"]})
+                .into(),
             vertices,
         }
     }

@@ -12,6 +12,7 @@ mod maps;
 pub mod modal;
 mod part;
 mod product;
+mod provenance;
 mod squares;
 
 pub use certificate::{
@@ -30,6 +31,10 @@ pub use part::{
 };
 pub use product::{PARTS, PENCIL, Product, ProductKind, Summary};
 
+pub use provenance::{
+    Anchor, AskedOperator, JobRecord, ModesClaim, Provenance, ProvenanceError, RowsOf, VibratingObject,
+};
+
 use std::sync::{Arc, OnceLock};
 
 use chladni_algebra::{DenseMatrix, MassMatrix, SparseMatrix};
@@ -45,20 +50,34 @@ pub struct Basis {
     pub mass: MassMatrix,
     /// What is proven about each pair and about the whole.
     pub certificate: Certificate,
-    /// How the basis was made, as a JSON object: method, parameters with defaults filled in, solver version, mesh.
-    pub metadata: serde_json::Value,
+    /// How the basis was made: operator, method, parameters with defaults filled in, solver version, mesh.
+    pub metadata: Provenance,
 }
 
 impl Basis {
     /// Whether its rows are the vertices of a solid, those of the surface first, and distances between them run through
     /// its inside.
-    pub fn is_of_solid(&self) -> bool {
-        self.metadata["operator"]["laplacian"] == "volume"
+    ///
+    /// # Errors
+    /// [`ProvenanceError`] where it does not say what its rows are.
+    pub fn is_of_solid(&self) -> Result<bool, ProvenanceError> {
+        Ok(self.metadata.rows_of()? == RowsOf::Solid)
     }
 
     /// Whether it is of the combinatorial Laplacian, which knows of no lengths.
-    pub fn is_of_graph(&self) -> bool {
-        self.metadata["operator"]["laplacian"] == "graph"
+    ///
+    /// # Errors
+    /// [`ProvenanceError`] where it does not say what its rows are.
+    pub fn is_of_graph(&self) -> Result<bool, ProvenanceError> {
+        Ok(self.metadata.rows_of()? == RowsOf::Graph)
+    }
+
+    /// Whether its rows are two numbers for each face, of tangential fields.
+    ///
+    /// # Errors
+    /// [`ProvenanceError`] where it does not say what its rows are.
+    pub fn is_of_fields(&self) -> Result<bool, ProvenanceError> {
+        Ok(self.metadata.rows_of()? == RowsOf::Fields)
     }
 }
 
@@ -201,7 +220,7 @@ pub(crate) mod tests {
                 orthonormality_defect: 1.0 / 7.0,
                 ..Certificate::default()
             },
-            metadata: serde_json::json!({"parameters": {"count": 2}}),
+            metadata: serde_json::json!({"parameters": {"count": 2}}).into(),
         }
     }
 

@@ -3,7 +3,7 @@
 use chladni_algebra::{DenseMatrix, SparseMatrix};
 use chladni_base::parallel::*;
 
-use super::BasisError;
+use super::{BasisError, Provenance};
 
 /// Stands for the part of a vertex that never moves.
 pub const FIXED: u32 = u32::MAX;
@@ -30,8 +30,8 @@ pub struct ModalBasis {
     pub functions: ModalFunctions,
     /// Per mode `‖Kφ − λMφ‖` in the norm of `M⁻¹`: an exact eigenvalue lies within that distance of `λ`.
     pub bounds: Vec<f64>,
-    /// How the modes were made, as a JSON object.
-    pub metadata: serde_json::Value,
+    /// How the modes were made.
+    pub metadata: Provenance,
 }
 
 /// The part of the modes that is no motion of a whole part.

@@ -124,11 +124,11 @@ impl Product {
     /// A certificate that cannot be put as JSON.
     pub fn summary(&self) -> Result<Summary, serde_json::Error> {
         let mut summary = self.own_summary()?;
-        if let (Self::Eigenbasis(_), Some(parts)) = (self, self.metadata().get(PARTS)) {
+        if let (Self::Eigenbasis(_), Some(parts)) = (self, self.record().get(PARTS)) {
             summary.details[PARTS] = parts.clone();
         }
         for name in notes::ALL {
-            if let Some(list) = self.metadata().get(name) {
+            if let Some(list) = self.record().get(name) {
                 summary.details[name] = list.clone();
             }
         }
@@ -137,16 +137,17 @@ impl Product {
 
     /// The identifier of the mesh that it lives on, where that is known.
     pub fn mesh(&self) -> Option<&str> {
-        self.metadata()["mesh"].as_str()
+        self.record()["mesh"].as_str()
     }
 
-    fn metadata(&self) -> &Value {
+    /// What it says of how it was made, as it is written.
+    fn record(&self) -> &Value {
         match self {
-            Self::Eigenbasis(basis) | Self::PencilBasis(basis) => &basis.metadata,
-            Self::FieldBasis(fields) => &fields.metadata,
-            Self::OperatorFamily(family) => &family.metadata,
-            Self::VibrationBasis(modes) => &modes.metadata,
-            Self::MapCollection(maps) => &maps.metadata,
+            Self::Eigenbasis(basis) | Self::PencilBasis(basis) => basis.metadata.json(),
+            Self::FieldBasis(fields) => fields.metadata.json(),
+            Self::OperatorFamily(family) => family.metadata.json(),
+            Self::VibrationBasis(modes) => modes.metadata.json(),
+            Self::MapCollection(maps) => maps.metadata.json(),
             Self::EigenbasisPart(part) => part.about(),
         }
     }
@@ -160,10 +161,10 @@ impl Product {
                 nonzeros: basis.compact().map(|compact| compact.space.entries()),
                 eigenvalues: basis.eigenvalues.clone(),
                 certificate: serde_json::to_value(&basis.certificate)?,
-                operator: basis.metadata["operator"].clone(),
+                operator: basis.metadata.json()["operator"].clone(),
                 details: match self {
                     Self::PencilBasis(_) => {
-                        json!({"unknowns": basis.metadata["unknowns"], "moved": basis.metadata["moved"]})
+                        json!({"unknowns": basis.metadata.json()["unknowns"], "moved": basis.metadata.json()["moved"]})
                     }
                     _ => Value::Null,
                 },
@@ -178,7 +179,7 @@ impl Product {
                     count: eigenvalues.len(),
                     nonzeros: Some(space.values().len() + space.dense().iter().map(Vec::len).sum::<usize>()),
                     eigenvalues,
-                    certificate: fields.metadata["certificate"].clone(),
+                    certificate: fields.metadata.json()["certificate"].clone(),
                     operator: Value::Null,
                     details: json!({
                         "field": fields.basis.kind,
@@ -196,8 +197,8 @@ impl Product {
                 dimension: Some(family.dimension()),
                 count: family.dimension(),
                 eigenvalues: family.eigenvalues.clone(),
-                operator: family.metadata["operator"].clone(),
-                details: json!({"anchors": family.metadata["anchors"]}),
+                operator: family.metadata.json()["operator"].clone(),
+                details: json!({"anchors": family.metadata.json()["anchors"]}),
                 dense_bytes: 8 * (family.vertices() * family.dimension()) as u64,
                 ..Summary::default()
             },
@@ -210,8 +211,8 @@ impl Product {
                     ModalFunctions::Dense(_) => None,
                 },
                 eigenvalues: modes.eigenvalues.clone(),
-                certificate: modes.metadata["certificate"].clone(),
-                operator: modes.metadata["elastic"].clone(),
+                certificate: modes.metadata.json()["certificate"].clone(),
+                operator: modes.metadata.json()["elastic"].clone(),
                 details: json!({
                     "rigid_motions": modes.rigid,
                     "vertices": modes.vertices(),
@@ -223,8 +224,8 @@ impl Product {
                 rows: maps.vertices.iter().sum(),
                 dimension: Some(maps.size()),
                 details: json!({
-                    "bases": maps.metadata["bases"],
-                    "meshes": maps.metadata["meshes"],
+                    "bases": maps.metadata.json()["bases"],
+                    "meshes": maps.metadata.json()["meshes"],
                     "vertices": maps.vertices,
                     "cycles": maps.cycles,
                 }),
@@ -251,9 +252,7 @@ impl Product {
             Self::MapCollection(maps) => &mut Arc::make_mut(maps).metadata,
             Self::EigenbasisPart(_) => return,
         };
-        if let Some(object) = metadata.as_object_mut() {
-            object.extend(members);
-        }
+        metadata.extend(members);
     }
 
     /// About the bytes of the NPZ file.
@@ -306,7 +305,7 @@ pub const PENCIL: &str = "pencil_basis";
 
 impl From<Basis> for Product {
     fn from(basis: Basis) -> Self {
-        match basis.metadata["kind"] == PENCIL {
+        match basis.metadata.is_of_pencil() {
             true => Self::PencilBasis(Arc::new(basis)),
             false => Self::Eigenbasis(Arc::new(basis)),
         }
@@ -362,7 +361,7 @@ mod tests {
             extrinsic: square(3.0),
             curvature: square(4.0),
             mass: basis.mass,
-            metadata: json!({"kind": "operator_family"}),
+            metadata: json!({"kind": "operator_family"}).into(),
         }
     }
 
@@ -387,7 +386,7 @@ mod tests {
             affine: numbers(12, 7),
             functions,
             bounds: vec![0.0; 7],
-            metadata: json!({"kind": "vibration_basis"}),
+            metadata: json!({"kind": "vibration_basis"}).into(),
         }
     }
 
@@ -400,7 +399,7 @@ mod tests {
             small_family().into(),
             small_modes(true).into(),
             small_modes(false).into(),
-            Basis { metadata: json!({"kind": PENCIL, "moved": 0.5}), ..small_basis(true) }.into(),
+            Basis { metadata: json!({"kind": PENCIL, "moved": 0.5}).into(), ..small_basis(true) }.into(),
             small_maps().into(),
             StoredPart::new(&small_part(), json!({"seconds": 0.5})).unwrap().into(),
         ];
@@ -431,6 +430,6 @@ mod tests {
         let mut product = Product::from(small_fields(false));
         product.describe(json!({"mesh": "abc"}).as_object().cloned().unwrap_or_default());
         let Product::FieldBasis(fields) = product else { panic!() };
-        assert_eq!(fields.metadata, json!({"kind": "field_basis", "mesh": "abc"}));
+        assert_eq!(*fields.metadata.json(), json!({"kind": "field_basis", "mesh": "abc"}));
     }
 }

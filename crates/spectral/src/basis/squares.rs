@@ -463,7 +463,7 @@ mod tests {
             eigenvalues: (0..m).map(|k| k as f64).collect(),
             mass: MassMatrix::Diagonal(vec![1.0; n]),
             certificate: Certificate::default(),
-            metadata: serde_json::Value::Null,
+            metadata: serde_json::Value::Null.into(),
         }
     }
 

@@ -77,7 +77,7 @@ pub fn write<W: Write>(basis: &Basis, out: W) -> Result<(), FormatError> {
         }
     }
     let certificate = super::npz::certificate_value(&basis.certificate)?;
-    let about = serde_json::json!({"certificate": certificate, "metadata": basis.metadata});
+    let about = serde_json::json!({"certificate": certificate, "metadata": basis.metadata.json()});
     archive.start_file("metadata.json", options)?;
     archive.write_all(about.to_string().as_bytes())?;
     archive.finish()?.into_inner().flush()?;

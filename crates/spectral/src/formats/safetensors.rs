@@ -171,9 +171,9 @@ fn about(basis: &Basis) -> std::io::Result<serde_json::Value> {
         Functions::Compact(Compact { space, .. }) => serde_json::json!({
             "space": {"format": "csr", "shape": [space.rows(), space.columns()]},
             "certificate": certificate,
-            "metadata": basis.metadata,
+            "metadata": basis.metadata.json(),
         }),
-        Functions::Dense(_) => serde_json::json!({"certificate": certificate, "metadata": basis.metadata}),
+        Functions::Dense(_) => serde_json::json!({"certificate": certificate, "metadata": basis.metadata.json()}),
     })
 }
 

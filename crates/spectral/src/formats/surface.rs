@@ -11,7 +11,7 @@ use crate::basis::Basis;
 fn fits(basis: &Basis, mesh: &TriangleMesh) -> Result<(), FormatError> {
     let (rows, vertices) = (basis.vertices(), mesh.positions.len());
     // Of a solid, the vertices of its surface come first.
-    if rows == vertices || basis.is_of_solid() && rows > vertices {
+    if rows == vertices || rows > vertices && basis.is_of_solid()? {
         return Ok(());
     }
     let reason = format!("a function has {rows} values, but the surface has {vertices} vertices");

@@ -13,7 +13,7 @@ use super::curvature::Surface;
 use super::laplace::Measured;
 use super::manifold::Topology;
 use super::polygon::Refined;
-use super::{Boundary, EigenProblem, Laplacian, MeshOperator, OperatorError, OperatorKind, OperatorParameters};
+use super::{Asked, Boundary, EigenProblem, Laplacian, MeshOperator, OperatorError, OperatorKind, OperatorParameters};
 use super::{OperatorReport, Potential, Reason};
 use super::{boundary, extrinsic, graph, hamiltonian, laplace, robust, weighted};
 
@@ -83,16 +83,17 @@ pub(super) fn assemble_on(
         }
         _ => 0.0,
     };
+    let asked = Some(Asked::from(parameters));
     let held = held(parameters, if dirichlet { &topology.boundary } else { &[] });
     if held.is_empty() {
         return Ok(match whole {
-            Some(problem) => MeshOperator { problem, base: Some(laplacian), floor, report },
-            None => MeshOperator { problem: laplacian, base: None, floor, report },
+            Some(problem) => MeshOperator { problem, base: Some(laplacian), floor, report, asked },
+            None => MeshOperator { problem: laplacian, base: None, floor, report, asked },
         });
     }
     report.removed_vertices = held.len();
     let problem = boundary::without(whole.as_ref().unwrap_or(&laplacian), &held)?;
-    Ok(MeshOperator { problem, base: Some(laplacian), floor, report })
+    Ok(MeshOperator { problem, base: Some(laplacian), floor, report, asked })
 }
 
 /// Refuses parameters that are out of range, do not fit the mesh, or are of no operator on functions on a surface.

@@ -11,7 +11,7 @@ use super::corners::Corners;
 use super::laplace::{power_of_two_scale, shape_of, sums};
 use super::manifold::Topology;
 use super::shapes::{self, MASSLESS, Triangles, voronoi_part};
-use super::{Boundary, EigenProblem, Laplacian, MassKind, MassMatrix, MeshOperator};
+use super::{Asked, Boundary, EigenProblem, Laplacian, MassKind, MassMatrix, MeshOperator};
 use super::{OperatorError, OperatorKind, OperatorParameters, OperatorReport};
 use chladni_algebra::SparseMatrix;
 use chladni_base::Monitor;
@@ -28,6 +28,7 @@ pub struct LaplacianByRows<'a> {
     scaled_area: f64,
     masses: Vec<f64>,
     report: OperatorReport,
+    asked: Asked,
 }
 
 impl<'a> LaplacianByRows<'a> {
@@ -77,7 +78,7 @@ impl<'a> LaplacianByRows<'a> {
             massless_vertices,
             ..OperatorReport::default()
         };
-        Ok(Some(Self { mesh, scale, scaled_area: found.area, masses, report }))
+        Ok(Some(Self { mesh, scale, scaled_area: found.area, masses, report, asked: parameters.into() }))
     }
 
     /// The surface.
@@ -149,14 +150,14 @@ impl<'a> LaplacianByRows<'a> {
     /// The operator without its matrix: all rows of the stiffness are empty.
     pub fn without_rows(&self) -> MeshOperator {
         let operator = MeshOperator::whole(self.problem_with(&[], false));
-        MeshOperator { report: self.report.clone(), ..operator }
+        MeshOperator { report: self.report.clone(), asked: Some(self.asked.clone()), ..operator }
     }
 
     /// The whole operator, as [`assemble`](super::assemble()) makes it.
     pub fn whole(&self) -> MeshOperator {
         let rows: Vec<u32> = (0..self.size() as u32).collect();
         let operator = MeshOperator::whole(self.problem_with(&rows, false));
-        MeshOperator { report: self.report.clone(), ..operator }
+        MeshOperator { report: self.report.clone(), asked: Some(self.asked.clone()), ..operator }
     }
 }
 

@@ -248,12 +248,36 @@ pub struct MeshOperator {
     pub floor: f64,
     /// What was chosen, and why.
     pub report: OperatorReport,
+    /// What was asked for; `None` where it was made of something else than a mesh.
+    pub asked: Option<Asked>,
+}
+
+/// What was asked for, as a basis carries it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Asked {
+    /// The operator, but for values of a potential and weights of faces, which may be more than everything else.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub operator: Option<OperatorKind>,
+    /// The mass matrix.
+    pub mass: MassKind,
+    /// The boundary condition.
+    pub boundary: Boundary,
+}
+
+impl From<&OperatorParameters> for Asked {
+    fn from(parameters: &OperatorParameters) -> Self {
+        let operator = match &parameters.operator {
+            OperatorKind::Hamiltonian { potential: Potential::Values(_) } | OperatorKind::Weighted(_) => None,
+            other => Some(other.clone()),
+        };
+        Self { operator, mass: parameters.mass, boundary: parameters.boundary }
+    }
 }
 
 impl MeshOperator {
     /// An operator whose unknowns are all there are.
     pub(crate) fn whole(problem: EigenProblem) -> Self {
-        Self { problem, base: None, floor: 0.0, report: OperatorReport::default() }
+        Self { problem, base: None, floor: 0.0, report: OperatorReport::default(), asked: None }
     }
 
     /// An operator on all vertices, or what is left of it without those of a boundary.
@@ -264,13 +288,14 @@ impl MeshOperator {
         whole: EigenProblem,
         boundary: Option<&[u32]>,
         mut report: OperatorReport,
+        asked: Option<Asked>,
     ) -> Result<Self, OperatorError> {
         let Some(boundary) = boundary.filter(|boundary| !boundary.is_empty()) else {
-            return Ok(Self { problem: whole, base: None, floor: 0.0, report });
+            return Ok(Self { problem: whole, base: None, floor: 0.0, report, asked });
         };
         report.removed_vertices = boundary.len();
         let problem = boundary::without(&whole, boundary)?;
-        Ok(Self { problem, base: Some(whole), floor: 0.0, report })
+        Ok(Self { problem, base: Some(whole), floor: 0.0, report, asked })
     }
 
     /// The operator of a solid, brought to unit volume: `area` is the square of the length that is 1 there, so that
@@ -288,13 +313,15 @@ impl MeshOperator {
             base: self.base.as_ref().map(scaled),
             floor: self.floor / length,
             report: self.report.clone(),
+            asked: self.asked.clone(),
         }
     }
 
     /// The same with another stiffness of no negative eigenvalues.
     pub(crate) fn with_stiffness(&self, stiffness: SparseMatrix) -> Self {
         let problem = EigenProblem { stiffness, ..self.problem.clone() };
-        Self { problem, base: self.base.clone(), floor: 0.0, report: self.report.clone() }
+        let (report, asked) = (self.report.clone(), self.asked.clone());
+        Self { problem, base: self.base.clone(), floor: 0.0, report, asked }
     }
 
     /// Whether the problem is that of the Laplacian on all vertices.

@@ -18,7 +18,7 @@ use chladni_mesh::solid::surface;
 use super::choice::{Laplacian, OperatorReport, Reason};
 use super::frames::{cross, dot, minus};
 use super::laplace::{MASSLESS, power_of_two_scale};
-use super::{Boundary, EigenProblem, MassKind, MassMatrix, MeshOperator, OperatorError};
+use super::{Asked, Boundary, EigenProblem, MassKind, MassMatrix, MeshOperator, OperatorError, OperatorKind};
 
 /// A tetrahedron whose volume is at most this share of that of a cube over its longest edge is flat.
 const FLAT: f64 = 1e-9;
@@ -63,7 +63,8 @@ pub fn assemble(
         ..OperatorReport::default()
     };
     let outside = (boundary == Boundary::Dirichlet).then(|| outside(solid));
-    MeshOperator::of_problem(problem, outside.as_deref(), report)
+    let asked = Asked { operator: Some(OperatorKind::Volume), mass, boundary };
+    MeshOperator::of_problem(problem, outside.as_deref(), report, Some(asked))
 }
 
 /// The vertices on the boundary, ascending.

@@ -19,7 +19,7 @@ use super::heat::HeatParameters;
 use super::hsim;
 use super::lehmann::{self, Enclosed};
 use super::radial::RadialParameters;
-use crate::basis::{AccuracyReport, Basis, Compact, Functions, InertiaCount};
+use crate::basis::{AccuracyReport, Basis, Compact, Functions, InertiaCount, Provenance};
 use crate::operator::{EigenProblem, MeshOperator};
 use chladni_algebra::{EigenError, gpu};
 use chladni_base::Monitor;
@@ -119,8 +119,8 @@ const FEW_VERTICES_FOR_HEAT: usize = 20;
 ///
 /// Stages: `sampling`, `basis`, `reduce`, `eigen`, `bounds`; the last three, or all, once more for each round;
 /// `certify`. Eigenvalues ascend, are upper bounds of the exact ones, and are in 1/length² of the input; eigenfunctions
-/// are orthonormal for the mass of the input. The metadata are left empty. The same input and seed give the same
-/// answer, up to rounding in the dense eigenproblem where the number of threads differs.
+/// are orthonormal for the mass of the input. The metadata say what the operator is and what was asked of it. The same
+/// input and seed give the same answer, up to rounding in the dense eigenproblem where the number of threads differs.
 ///
 /// # Errors
 /// [`ApproximationError`]: a mesh without area, radial functions in a solid, more pairs than vertices, a restricted
@@ -379,7 +379,7 @@ fn delivered(
         eigenvalues: pairs.values.into_iter().map(|value| value * value_scale).collect(),
         mass: operator.laplacian().mass.scaled(problem.area),
         certificate,
-        metadata: serde_json::Value::Object(serde_json::Map::new()),
+        metadata: Provenance::of_operator(operator),
     }
 }
 

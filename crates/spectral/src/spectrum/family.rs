@@ -11,13 +11,13 @@ use chladni_algebra::{
 };
 use chladni_base::{Monitor, Quiet};
 use chladni_mesh::TriangleMesh;
-use serde_json::json;
 
 use super::approximate::{Ritz, ritz};
 use super::hsim::{self, HsimError, HsimParameters, Wanted};
 use super::refine::inverse_iterations;
 use super::{ApproximationError, ApproximationParameters, Space};
 use crate::basis::family::FamilyBasis;
+use crate::basis::{Anchor, Provenance};
 use crate::operator::{EigenProblem, FamilyOperators};
 use crate::spectrum::heat::HeatParameters;
 
@@ -43,7 +43,7 @@ const EXACT_RATIO: f64 = 1.5;
 
 /// Restricts the Laplacian, the extrinsic operator and the curvature potential to a space of at most `dimension`
 /// functions, or of all functions where the mesh has fewer than `1.5 dimension` vertices. The metadata tell of the
-/// anchors.
+/// Laplacian and of the anchors.
 ///
 /// An equal share of the dimension belongs to each anchor; spectra are accurate up to about three quarters of that many
 /// pairs.
@@ -63,7 +63,7 @@ pub fn restrict_family(
     let problem = &operators.laplacian.problem;
     let n = problem.size();
     let (columns, anchors) = if (n as f64) < EXACT_RATIO * dimension as f64 {
-        (identity(n), json!([]))
+        (identity(n), Vec::new())
     } else {
         anchored(mesh, operators, dimension, seed, monitor)?
     };
@@ -85,13 +85,15 @@ pub fn restrict_family(
         let from = panel.iter().skip(column % PANEL_WIDTH).step_by(PANEL_WIDTH);
         to.iter_mut().zip(from).for_each(|(to, from)| *to = (from * length) as f32);
     }
+    let mut metadata = Provenance::of_operator(&operators.laplacian);
+    metadata.set_anchors(&anchors);
     Ok(FamilyBasis {
         functions,
         eigenvalues: eigenvalues.into_iter().map(|value| value * scale).collect(),
         extrinsic,
         curvature,
         mass: MassMatrix::Diagonal(mass.scaled(problem.area).lumped()),
-        metadata: json!({ "anchors": anchors }),
+        metadata,
     })
 }
 
@@ -102,7 +104,7 @@ fn anchored(
     dimension: usize,
     seed: u64,
     monitor: &dyn Monitor,
-) -> Result<(PanelMatrix, serde_json::Value), ApproximationError> {
+) -> Result<(PanelMatrix, Vec<Anchor>), ApproximationError> {
     let n = operators.laplacian.problem.size();
     let count = ((SURPLUS * dimension as f64 / ANCHORS.len() as f64).ceil() as usize).clamp(1, n);
     let mut columns = PanelMatrix::zeros(n, 0);
@@ -124,7 +126,7 @@ fn anchored(
                 (improved(&problem, start, count, monitor)?, "inverse_iteration")
             }
         };
-        told.push(json!({"extrinsic": t, "curvature": v, "pairs": found.columns(), "method": method}));
+        told.push(Anchor { extrinsic: t, curvature: v, pairs: found.columns(), method: method.to_owned() });
         let before = columns.columns();
         columns.widen(before + found.columns());
         columns.assign(&(before..before + found.columns()).collect::<Vec<_>>(), &found);
@@ -137,7 +139,7 @@ fn anchored(
         independent_columns(&gram_of(&operators.laplacian.problem.mass, &columns.select(&order), monitor)?, DEPENDENT);
     kept.truncate(dimension);
     kept.iter_mut().for_each(|column| *column = order[*column]);
-    Ok((columns.select(&kept), told.into()))
+    Ok((columns.select(&kept), told))
 }
 
 /// `(1 − t) S + t A + v V`.

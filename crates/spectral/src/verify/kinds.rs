@@ -1,7 +1,7 @@
 //! Eigenfields of the Hodge–Laplacian and vibration modes, as pencils that are judged like any other.
 
 use chladni_algebra::DenseMatrix;
-use chladni_base::{Cancelled, Monitor};
+use chladni_base::Monitor;
 
 use super::{Claims, Finding, Verification, VerifyError, verify_claims};
 use crate::basis::modal::{FIXED, ModalBasis};
@@ -41,7 +41,8 @@ const ORTHONORMALITY: f64 = 1e-6;
 /// are relative to `‖K x‖`; nobody claims those of modes. Stages: `residuals`, `orthonormality`, `count`.
 ///
 /// # Errors
-/// [`VerifyError`]: cancellation. Whatever is wrong with the modes is a [`Finding`].
+/// [`VerifyError`]: cancellation, modes that do not say what they claim. Whatever is wrong with the modes is a
+/// [`Finding`].
 pub fn verify_modes(
     modes: &ModalBasis,
     elastic: ElasticProblem,
@@ -92,7 +93,7 @@ fn place_findings(modes: &ModalBasis, elastic: &ElasticProblem) -> Option<Findin
 }
 
 /// The modes on the coordinates that can move, in the units of the problem.
-fn on_coordinates(modes: &ModalBasis, elastic: &ElasticProblem, monitor: &dyn Monitor) -> Result<Basis, Cancelled> {
+fn on_coordinates(modes: &ModalBasis, elastic: &ElasticProblem, monitor: &dyn Monitor) -> Result<Basis, VerifyError> {
     let (rows, count) = (elastic.problem.size(), modes.count());
     let scale = elastic.report.total_mass.sqrt();
     let mut functions = DenseMatrix::zeros(rows, count);
@@ -107,8 +108,8 @@ fn on_coordinates(modes: &ModalBasis, elastic: &ElasticProblem, monitor: &dyn Mo
         }
     }
     let unit = elastic.eigenvalue_scale;
-    let claimed = &modes.metadata["certificate"];
-    let counts: Vec<InertiaCount> = serde_json::from_value(claimed["inertia"].clone()).unwrap_or_default();
+    let claim = modes.metadata.modes_claim()?;
+    let counts = claim.map_or_else(Vec::new, |claim| claim.inertia.clone());
     Ok(Basis {
         functions: Functions::Dense(DenseFunctions::from_columns(&functions, Precision::F64)),
         eigenvalues: modes.eigenvalues.iter().map(|value| value / unit).collect(),
@@ -116,11 +117,11 @@ fn on_coordinates(modes: &ModalBasis, elastic: &ElasticProblem, monitor: &dyn Mo
         certificate: Certificate {
             bounds: modes.bounds.iter().map(|bound| bound / unit).collect(),
             orthonormality_defect: ORTHONORMALITY,
-            complete: claimed["complete"].as_bool().filter(|complete| *complete),
+            complete: claim.filter(|claim| claim.complete).map(|_| true),
             inertia: counts.into_iter().map(|count| InertiaCount { shift: count.shift / unit, ..count }).collect(),
             ..Certificate::default()
         },
-        metadata: serde_json::Value::Null,
+        metadata: serde_json::Value::Null.into(),
     })
 }
 

@@ -19,7 +19,6 @@ use super::faces::FacesRequest;
 use super::request::{AlignmentRequest, DesignRequest, SingularVertex, SingularitiesRequest, Weights, refused};
 use super::stored::KeptFields;
 use super::{DesignFault, target};
-use crate::Provenance;
 
 /// About the bytes that a face of a surface takes: corners and positions, neighbours, edges, lengths, and frames.
 const BYTES_PER_FACE: u64 = 24 + 48 + 112;
@@ -194,9 +193,8 @@ impl Setting {
     /// made with.
     pub fn full_energy_model(&self, monitor: &dyn Monitor) -> Result<(DesignModel, u64), DesignFault> {
         // Another boundary condition would be another energy: it has to be known, not guessed.
-        let boundary = Provenance::read(&self.fields.metadata)
-            .and_then(|provenance| provenance.field_boundary(self.kind()))
-            .map_err(|error| refused("weight", "weights.biharmonic_energy", error))?;
+        let boundary = self.fields.metadata.field_boundary(self.kind());
+        let boundary = boundary.map_err(|error| refused("weight", "weights.biharmonic_energy", error))?;
         let basis = &self.fields.basis;
         let energy = full_biharmonic(&self.surface.surface, basis, boundary, monitor)?;
         let bytes = 12 * (energy.entries() + basis.stiffness.entries() + basis.mass.entries()) as u64;
@@ -327,9 +325,8 @@ impl Setting {
     /// # Errors
     /// [`DesignFault::Request`] where the basis does not say which boundary condition it was made with.
     pub fn full_space(&self, monitor: &dyn Monitor) -> Result<(FullSpace, u64), DesignFault> {
-        let boundary = Provenance::read(&self.fields.metadata)
-            .and_then(|provenance| provenance.field_boundary(self.kind()))
-            .map_err(|error| refused("refine", "refine", error))?;
+        let boundary = self.fields.metadata.field_boundary(self.kind());
+        let boundary = boundary.map_err(|error| refused("refine", "refine", error))?;
         let full = FullSpace::within(&self.surface.surface, self.kind(), boundary, self.room, monitor)?;
         let bytes = full.bytes();
         Ok((full, bytes))

@@ -35,7 +35,7 @@ fn setting() -> Setting {
     let basis =
         field_basis(&surface.surface, &FieldParameters::new(FieldKind::NVector { n: 4 }, 120), &Unwatched).unwrap();
     let ritz = Some(DesignModel::new(&basis, &Unwatched).unwrap().ritz().clone());
-    let fields = StoredFields { basis, ritz, metadata: json!({}) };
+    let fields = StoredFields { basis, ritz, metadata: json!({}).into() };
     Setting::new(Arc::new(fields), Arc::new(surface)).unwrap()
 }
 

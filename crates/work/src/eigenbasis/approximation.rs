@@ -3,7 +3,7 @@
 use chladni_algebra::gpu;
 use chladni_base::Monitor;
 use chladni_mesh::distance::{DistanceKind, STVD_WINDOW_MAX};
-use chladni_spectral::basis::{Basis, Certificate, DenseFunctions, Functions, Precision};
+use chladni_spectral::basis::{Basis, Certificate, DenseFunctions, Functions, Precision, Provenance};
 use chladni_spectral::operator::{MassKind, MeshOperator, OperatorKind};
 use chladni_spectral::spectrum::heat::HeatParameters;
 use chladni_spectral::spectrum::radial::RadialParameters;
@@ -150,7 +150,7 @@ impl Approximate {
                 orthonormality_defect: pairs.orthonormality_defect,
                 ..Certificate::default()
             },
-            metadata: serde_json::json!({}),
+            metadata: Provenance::of_operator(operator),
         })
     }
 

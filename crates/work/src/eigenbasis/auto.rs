@@ -140,7 +140,7 @@ mod tests {
                 other => panic!("{count}: {other:?}"),
             }
             let basis = product.into_eigenbasis().unwrap();
-            assert_eq!(basis.metadata["method"], "hsim", "{count} pairs");
+            assert_eq!(basis.metadata.json()["method"], "hsim", "{count} pairs");
         }
     }
 

@@ -3,7 +3,7 @@
 use chladni_algebra::{MassMatrix, PANEL_WIDTH, PanelMatrix, residual_sums};
 use chladni_base::Monitor;
 use chladni_mesh::TriangleMesh;
-use chladni_spectral::basis::{Basis, DenseFunctions, Functions, Interval, Precision};
+use chladni_spectral::basis::{Basis, DenseFunctions, Functions, Interval, Precision, Provenance};
 use chladni_spectral::operator::{EigenProblem, MeshOperator};
 use chladni_spectral::spectrum::heat::HeatParameters;
 use chladni_spectral::spectrum::hsim::{self, Eigenpairs, HsimError, HsimParameters, Variant, Wanted};
@@ -251,10 +251,11 @@ impl Exact {
         let single = single.filter(|_| self.precision.is_some() || met <= tolerance);
         let precision = if single.is_some() { Precision::F32 } else { Precision::F64 };
         let mut basis = self.basis(pairs, mass, precision, monitor)?;
+        basis.metadata = Provenance::of_operator(operator);
         if let Some(Interval { from, to, on_bounds }) = &basis.certificate.interval {
-            basis.metadata = serde_json::json!({
-                "interval": { "from": from, "to": to, "first": basis.certificate.first, "on_bounds": on_bounds }
-            });
+            let first = basis.certificate.first;
+            let interval = serde_json::json!({"from": from, "to": to, "first": first, "on_bounds": on_bounds});
+            basis.metadata.set("interval", interval);
         }
         if let Some(residuals) = single {
             basis.certificate.residuals = residuals;
@@ -287,7 +288,7 @@ impl Exact {
                 Functions::Compact(projected.compact)
             }
         };
-        Ok(Basis { functions, eigenvalues: pairs.values, mass, certificate, metadata: serde_json::json!({}) })
+        Ok(Basis { functions, eigenvalues: pairs.values, mass, certificate, metadata: Provenance::default() })
     }
 }
 

@@ -106,7 +106,7 @@ pub fn run(
             levels: found.levels,
             ..Certificate::default()
         },
-        metadata,
+        metadata: metadata.into(),
     })
 }
 
@@ -124,18 +124,21 @@ mod tests {
         let parameters = EigenbasisParameters::parse(&json).unwrap();
         let basis = parameters.run(&mesh, &Unwatched).unwrap();
         assert_eq!((basis.vertices(), basis.mass.size(), basis.count()), (1200, 1200, 20));
-        assert_eq!(basis.metadata["operator"]["hodge"]["harmonic"], 2);
+        assert_eq!(basis.metadata.json()["operator"]["hodge"]["harmonic"], 2);
         assert_eq!(basis.certificate.complete, Some(true));
         assert!(basis.certificate.tolerance == Some(1e-6) && basis.certificate.residuals.iter().all(|r| *r <= 1e-6));
-        let parts = basis.metadata["operator"]["hodge"]["parts"].as_array().unwrap();
+        let parts = basis.metadata.json()["operator"]["hodge"]["parts"].as_array().unwrap();
         let count = |name: &str| parts.iter().filter(|part| *part == name).count() as u64;
         assert_eq!((parts.len(), count("harmonic")), (20, 2));
-        assert_eq!(basis.metadata["operator"]["hodge"]["gradients"], count("gradient"));
+        assert_eq!(basis.metadata.json()["operator"]["hodge"]["gradients"], count("gradient"));
         // Of what was counted, at least the fields that are there.
         for (part, kernel) in [("gradients", 1), ("co_gradients", 1)] {
-            let counts = basis.metadata["operator"]["hodge"]["inertia"][part].as_array().unwrap().clone();
+            let counts = basis.metadata.json()["operator"]["hodge"]["inertia"][part].as_array().unwrap().clone();
             let most = counts.iter().filter_map(|count| count["below"].as_u64()).max().unwrap();
-            assert!(most >= basis.metadata["operator"]["hodge"][part].as_u64().unwrap() + kernel, "{part}: {counts:?}");
+            assert!(
+                most >= basis.metadata.json()["operator"]["hodge"][part].as_u64().unwrap() + kernel,
+                "{part}: {counts:?}"
+            );
         }
         assert!(basis.eigenvalues[1] == 0.0 && basis.eigenvalues[2] > 0.0);
         // Along a boundary and across it: other fields, each with its own name, of which one is that of functions too.
@@ -152,7 +155,7 @@ mod tests {
         };
         let [along, across] = ["tangential", "normal"].map(|boundary| of(boundary).run(&annulus, &Unwatched).unwrap());
         for basis in [&along, &across] {
-            assert_eq!(basis.metadata["operator"]["hodge"]["harmonic"], 1);
+            assert_eq!(basis.metadata.json()["operator"]["hodge"]["harmonic"], 1);
             assert!(basis.certificate.complete == Some(true) && basis.eigenvalues[0] == 0.0);
         }
         assert!((across.eigenvalues[1] / along.eigenvalues[1] - 1.0).abs() > 1e-6);

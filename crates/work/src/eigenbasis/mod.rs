@@ -16,7 +16,7 @@ mod request;
 use chladni_base::Monitor;
 use chladni_mesh::points::{are_points, once_each};
 use chladni_mesh::{TetMesh, TriangleMesh};
-use chladni_spectral::basis::{Basis, Product};
+use chladni_spectral::basis::{Basis, Product, Provenance};
 use chladni_spectral::operator::hodge::FieldBoundary;
 use chladni_spectral::operator::{
     self, Boundary, MassKind, MeshOperator, OperatorError, OperatorKind, OperatorParameters, Potential, points,
@@ -29,6 +29,7 @@ pub use auto::Auto;
 pub use division::{Automatic, MOST_PARTS, Parts};
 pub(crate) use exact::{AT_MOST, within};
 pub use exact::{Exact, Start, StorageKind};
+pub(crate) use nested::no_solid;
 pub use part_memory::Division;
 pub use parts::{MadePart, PartJob, PartSource};
 pub use request::{HsimVariant, MethodName};
@@ -319,7 +320,7 @@ impl EigenbasisParameters {
         if self.operator.operator != OperatorKind::Volume {
             return Ok(operator::assemble(mesh, &self.operator, monitor)?);
         }
-        let solid = solid.ok_or_else(nested::no_solid)?;
+        let solid = solid.ok_or_else(no_solid)?;
         Ok(operator::volume::assemble(solid, self.operator.mass, self.operator.boundary, monitor)?)
     }
 
@@ -337,8 +338,9 @@ impl EigenbasisParameters {
         }
         if let (true, Method::Exact(exact)) = (self.is_hodge(), &self.method) {
             let mut basis = hodge::run(exact, mesh, self.field_boundary(), self.seed, monitor)?;
+            basis.metadata.set("parameters", self.to_be_recorded());
             if solid.is_some() {
-                basis.metadata["operator"]["domain"] = "surface_of_solid".into();
+                basis.metadata.set_domain("surface_of_solid");
             }
             return Ok(basis);
         }
@@ -410,22 +412,18 @@ impl EigenbasisParameters {
 
     /// Lets a basis say what it is of. What was asked for by bounds is known to the run alone.
     fn describe(&self, basis: &mut Basis, operator: &MeshOperator, method: &str, solid: Option<&TetMesh>) {
-        let interval = basis.metadata.get_mut("interval").map(Value::take);
-        basis.metadata = self.metadata(operator, method, solid);
-        if let Some(interval) = interval {
-            basis.metadata["interval"] = interval;
-        }
-    }
-
-    /// What a basis says about itself; that of a solid, whether it is of its inside or of its skin.
-    fn metadata(&self, operator: &MeshOperator, method: &str, solid: Option<&TetMesh>) -> Value {
-        let mut metadata =
-            serde_json::json!({"operator": operator.report, "method": method, "parameters": self.to_be_recorded()});
+        let interval = basis.metadata.json().get("interval").cloned();
+        basis.metadata = Provenance::of_operator(operator);
+        basis.metadata.set("method", method.into());
+        basis.metadata.set("parameters", self.to_be_recorded());
+        // That of a solid says whether it is of its inside or of its skin.
         if solid.is_some() {
             let inside = self.operator.operator == OperatorKind::Volume;
-            metadata["operator"]["domain"] = if inside { "solid" } else { "surface_of_solid" }.into();
+            basis.metadata.set_domain(if inside { "solid" } else { "surface_of_solid" });
         }
-        metadata
+        if let Some(interval) = interval {
+            basis.metadata.set("interval", interval);
+        }
     }
 }
 

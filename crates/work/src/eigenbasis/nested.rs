@@ -99,7 +99,7 @@ pub fn vertices(operator: &OperatorKind, mesh: MeshSize) -> Result<usize, Parame
 }
 
 /// Why the operator `volume` cannot be made of a surface.
-pub fn no_solid() -> ParameterError {
+pub(crate) fn no_solid() -> ParameterError {
     value("operator", "\"volume\" needs a solid, and the mesh has no tetrahedra".to_owned())
 }
 
@@ -220,11 +220,11 @@ mod tests {
             _ => panic!("an eigenbasis"),
         };
         let (rows_inside, metadata, mass) = rows(&inside);
-        assert_eq!((rows_inside, &metadata["operator"]["domain"]), (9, &json!("solid")));
-        assert_eq!(metadata["operator"]["laplacian"], "volume");
+        assert_eq!((rows_inside, &metadata.json()["operator"]["domain"]), (9, &json!("solid")));
+        assert_eq!(metadata.json()["operator"]["laplacian"], "volume");
         assert!((mass.iter().sum::<f64>() - 1.0).abs() < 1e-14);
         let (rows_outside, metadata, mass) = rows(&skin);
-        assert_eq!((rows_outside, &metadata["operator"]["domain"]), (8, &json!("surface_of_solid")));
+        assert_eq!((rows_outside, &metadata.json()["operator"]["domain"]), (8, &json!("surface_of_solid")));
         assert!((mass.iter().sum::<f64>() - 6.0).abs() < 1e-14);
     }
 }

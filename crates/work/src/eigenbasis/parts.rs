@@ -492,7 +492,7 @@ mod tests {
             };
             assert_eq!(interval(&joined), interval(&whole), "{parameters}");
             for member in ["parameters", "method", "kind", "solver_version"] {
-                assert_eq!(joined.metadata[member], whole.metadata[member], "{parameters}: {member}");
+                assert_eq!(joined.metadata.json()[member], whole.metadata.json()[member], "{parameters}: {member}");
             }
         }
     }

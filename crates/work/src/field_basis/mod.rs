@@ -281,13 +281,13 @@ impl Work for FieldBasisParameters {
         }
         let basis = field_basis(&surface, &space, monitor)?;
         if basis.space.dimension() > MOST_DIMENSIONS {
-            return Ok(StoredFields { basis, ritz: None, metadata: json!({}) }.into());
+            return Ok(StoredFields { basis, ritz: None, metadata: json!({}).into() }.into());
         }
         let model = DesignModel::new(&basis, monitor)?;
         let judging = self.judging(surface.faces());
         let certificate = judged(&surface, &basis, &model, space.boundary, judging, monitor)?;
         let ritz = Some(model.ritz().clone());
-        Ok(StoredFields { basis, ritz, metadata: json!({"certificate": certificate}) }.into())
+        Ok(StoredFields { basis, ritz, metadata: json!({"certificate": certificate}).into() }.into())
     }
 }
 

@@ -48,7 +48,7 @@ pub fn write_maps<W: Write + Seek>(maps: &StoredMaps, out: W) -> Result<(), Form
     }
     members.add("disagreements", "<f8", false, &[n, n], bytemuck::cast_slice(&disagreements))?;
     members.text("report", &maps.report().to_string())?;
-    members.text("metadata", &maps.metadata.to_string())?;
+    members.text("metadata", &maps.metadata.json().to_string())?;
     for (shape, of_file) in maps.vertex_maps.iter().enumerate().filter(|(_, of_file)| !of_file.is_empty()) {
         let name = format!("vertex_map_{shape}");
         members.add(&name, "<i4", false, &[of_file.len()], bytemuck::cast_slice(of_file))?;
@@ -112,5 +112,5 @@ pub fn read_maps(bytes: &[u8]) -> Result<StoredMaps, FormatError> {
     }
     let cycles = archive.member("report")?.json()?["cycles"].take();
     let cycles = serde_json::from_value(cycles).map_err(|error| wrong("report", error.to_string()))?;
-    Ok(StoredMaps { vertices, vertex_maps, maps, cycles, metadata: archive.member("metadata")?.json()? })
+    Ok(StoredMaps { vertices, vertex_maps, maps, cycles, metadata: archive.member("metadata")?.json()?.into() })
 }

@@ -28,7 +28,7 @@ pub fn write_family<W: Write + Seek>(
     members.columns("curvature", &family.curvature)?;
     members.floats("eigenvalues", &family.eigenvalues)?;
     members.floats("mass", &family.mass.lumped())?;
-    members.text("metadata", &family.metadata.to_string())?;
+    members.text("metadata", &family.metadata.json().to_string())?;
     members.maps(numbering)?;
     members.archive.finish()?.flush()?;
     Ok(())
@@ -60,7 +60,7 @@ pub fn read_family(bytes: &[u8]) -> Result<FamilyBasis, FormatError> {
         extrinsic: archive.dense("extrinsic", Some(d), d)?,
         curvature: archive.dense("curvature", Some(d), d)?,
         mass,
-        metadata: archive.member("metadata")?.json()?,
+        metadata: archive.member("metadata")?.json()?.into(),
     })
 }
 

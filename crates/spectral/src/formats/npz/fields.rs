@@ -54,7 +54,7 @@ pub fn write_fields<W: Write + Seek>(
     }
     members.floats("area", &[*area])?;
     members.text("kind", &serde_json::to_string(kind).map_err(std::io::Error::from)?)?;
-    members.text("metadata", &fields.metadata.to_string())?;
+    members.text("metadata", &fields.metadata.json().to_string())?;
     members.maps(numbering)?;
     members.archive.finish()?.flush()?;
     Ok(())
@@ -115,7 +115,7 @@ pub fn read_fields(bytes: &[u8]) -> Result<StoredFields, FormatError> {
         }
     };
     let area: Vec<f64> = archive.member("area")?.vector("<f8", 1)?;
-    let metadata = archive.member("metadata")?.json()?;
+    let metadata = archive.member("metadata")?.json()?.into();
     let basis = FieldBasis { kind, space, stiffness, mass, samples, area: area[0] };
     if basis.kind.block() != basis.space.block() {
         return Err(wrong("kind", "it does not fit the blocks"));

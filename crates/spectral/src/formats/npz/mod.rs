@@ -30,7 +30,9 @@ use chladni_mesh::numbering::Numbering;
 use serde::{Deserialize, Serialize};
 use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
-use crate::basis::{Basis, BasisError, CHUNK_COLUMNS, Certificate, Compact, DenseFunctions, Functions, Precision};
+use crate::basis::{
+    Basis, BasisError, CHUNK_COLUMNS, Certificate, Compact, DenseFunctions, Functions, Precision, ProvenanceError,
+};
 
 pub use collection::{read_maps, write_maps};
 pub use family::{read_family, write_family};
@@ -70,6 +72,9 @@ pub enum FormatError {
     /// Some columns of a dense basis could not be read.
     #[error(transparent)]
     Functions(#[from] BasisError),
+    /// It does not say what its rows are.
+    #[error(transparent)]
+    Provenance(#[from] ProvenanceError),
     /// A matrix is too large for the format.
     #[error("{what} is too large for this format")]
     TooLarge {
@@ -169,7 +174,7 @@ impl<W: Write + Seek> Members<W> {
             }
         }
         self.text("certificate", &certificate_value(&basis.certificate)?.to_string())?;
-        self.text("metadata", &basis.metadata.to_string())
+        self.text("metadata", &basis.metadata.json().to_string())
     }
 
     fn floats(&mut self, name: &str, values: &[f64]) -> Result<(), FormatError> {

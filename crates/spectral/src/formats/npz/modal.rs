@@ -46,7 +46,7 @@ pub fn write_modes<W: Write + Seek>(
     members.add("rest", "<f4", false, &[n, 3], bytemuck::cast_slice(modes.rest.as_flattened()))?;
     members.columns("affine", &modes.affine)?;
     members.floats("frame", &[modes.rigid as f64, modes.length])?;
-    members.text("metadata", &modes.metadata.to_string())?;
+    members.text("metadata", &modes.metadata.json().to_string())?;
     members.maps(numbering)?;
     members.archive.finish()?.flush()?;
     Ok(())
@@ -103,7 +103,7 @@ pub fn read_modes(bytes: &[u8]) -> Result<ModalBasis, FormatError> {
         affine,
         functions,
         bounds: archive.member("bounds")?.vector("<f8", m)?,
-        metadata: archive.member("metadata")?.json()?,
+        metadata: archive.member("metadata")?.json()?.into(),
     })
 }
 

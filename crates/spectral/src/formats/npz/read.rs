@@ -244,7 +244,7 @@ impl<'a> Archive<'a> {
         }
         let certificate: Certificate =
             serde_json::from_value(certificate).map_err(|error| wrong("certificate", error.to_string()))?;
-        let metadata = self.member("metadata")?.json()?;
+        let metadata = self.member("metadata")?.json()?.into();
         Ok(Basis {
             functions,
             eigenvalues,

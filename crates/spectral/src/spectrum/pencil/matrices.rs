@@ -74,7 +74,7 @@ impl Matrices {
         let mass = mass::checked(self.mass.clone(), rows, monitor)?;
         let stiffness = hsim::plus_mass(&check::with_pattern_of(&self.stiffness, &mass), &mass, by);
         let whole = EigenProblem { stiffness, mass, area: 1.0, unknowns: None };
-        MeshOperator::of_problem(whole, Some(fixed), OperatorReport::default()).map_err(|_| PencilError::Empty)
+        MeshOperator::of_problem(whole, Some(fixed), OperatorReport::default(), None).map_err(|_| PencilError::Empty)
     }
 
     /// Rows.

@@ -136,7 +136,8 @@ stopped!(
     },
 );
 
-/// Computes the lowest vibration modes of an object. The metadata hold the report of the operator.
+/// Computes the lowest vibration modes of an object. The metadata hold the report of the operator and what was asked
+/// for.
 ///
 /// Stages: `operator`, then `sampling`, `basis`, `reduce`, `eigen`, and `hierarchy`, `iterate`, `certify` with HSIM, at
 /// last `bounds`.
@@ -179,9 +180,27 @@ pub fn vibration_modes(
         }
     };
     let mut basis = put_together(body, &elastic, &rigid, free, found);
+    basis.metadata.set("parameters", recorded(body, parameters));
     monitor.stage("bounds");
     basis.bounds = bounds(&elastic, &basis, monitor)?;
     Ok(basis)
+}
+
+/// What was asked for, as the modes carry it; a long list of held vertices stays out.
+fn recorded(body: ElasticBody<'_>, parameters: &VibrationParameters) -> serde_json::Value {
+    const LONGEST_LIST: usize = 16;
+    let VibrationParameters { count, material, clamped, seed, .. } = parameters;
+    let mut said = serde_json::json!({"count": count, "material": material, "seed": seed});
+    if let ElasticBody::Shell { thickness, .. } = body {
+        said["thickness"] = thickness.into();
+    }
+    if (1..=LONGEST_LIST).contains(&clamped.vertices.len()) {
+        said["clamped"] = clamped.vertices.clone().into();
+    }
+    if clamped.rotations {
+        said["clamped_rotations"] = true.into();
+    }
+    said
 }
 
 /// Modes beside the rigid motions, dimensionless: orthonormal, and orthogonal to the rigid motions.
@@ -274,7 +293,7 @@ fn put_together(
         affine,
         functions,
         bounds: Vec::new(),
-        metadata,
+        metadata: metadata.into(),
     }
 }
 
