@@ -11,7 +11,7 @@
 use std::ops::Range;
 
 use chladni_base::parallel::*;
-use chladni_base::{Cancelled, Monitor};
+use chladni_base::{Cancelled, Monitor, Vector3};
 use chladni_mesh::intrinsic::TriangleShape;
 use chladni_mesh::{TetMesh, TriangleMesh};
 
@@ -326,7 +326,7 @@ fn add_totals<T: Number, const C: usize>((elements, totals, rows, weights): Pass
 fn triangle(positions: &[[f64; 3]], corners: &[u32; 3]) -> Hats<3> {
     let p = corners.map(|v| positions[v as usize]);
     // What the operator takes for flat has no part in it.
-    let area = TriangleShape::of_corners(p).area;
+    let area = TriangleShape::of_corners(p.map(Vector3)).area;
     let edges = [0, 1, 2].map(|k| minus(p[(k + 2) % 3], p[(k + 1) % 3]));
     let normal = cross(edges[0], edges[1]);
     let square = dot(normal, normal);
