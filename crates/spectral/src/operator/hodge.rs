@@ -178,8 +178,8 @@ pub fn nonconforming_problem(
     let mut middles = vec![[0.0; 3]; dual.edge_count()];
     for (f, corners) in mesh.faces.iter().enumerate() {
         for (k, edge) in dual.edges(f).into_iter().enumerate() {
-            let [a, b] = [1, 2].map(|i| mesh.positions[corners[(k + i) % 3] as usize]);
-            middles[edge as usize] = [0, 1, 2].map(|i| 0.5 * (a[i] + b[i]));
+            let [a, b] = [1, 2].map(|i| mesh.point(corners[(k + i) % 3]));
+            middles[edge as usize] = (0.5 * (a + b)).into();
         }
     }
     let held = if boundary.curl_sees_it() { vec![false; dual.edge_count()] } else { boundary_of(mesh, dual).1 };
