@@ -4,7 +4,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use chladni_base::Unwatched;
+use chladni_base::{Unwatched, Vector3};
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::shape::{Shape, generate};
 use chladni_spectral::basis::Product;
@@ -189,7 +189,8 @@ fn furred(first: &TriangleMesh, second: &TriangleMesh) -> Result<(), Failure> {
     ] {
         let setting = basis(mesh, json!({"dimension": 800}))?;
         let frames = setting.surface.surface.frames();
-        let rows = (0..frames.faces()).flat_map(|f| frames.to_world(f, frames.from_world(f, [0.0, -0.8, -0.6])));
+        let rows =
+            (0..frames.faces()).flat_map(|f| frames.to_world(f, frames.from_world(f, Vector3::new(0.0, -0.8, -0.6))).0);
         let table = json!({"columns": 3, "values": rows.collect::<Vec<f64>>()});
         let request: FurRequest = serde_json::from_value(json!({
             "field": {"design": {"weights": {"harmonic": 0.01}, "alignment": {"to": table, "weight": 1.0}}},

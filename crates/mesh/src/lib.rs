@@ -66,6 +66,16 @@ impl TriangleMesh {
     pub fn corners(&self, face: &[u32; 3]) -> [Vector3; 3] {
         face.map(|vertex| self.point(vertex))
     }
+
+    /// The mean of the corners of a face.
+    ///
+    /// # Panics
+    /// Where a corner is no vertex.
+    #[inline]
+    pub fn barycentre(&self, face: &[u32; 3]) -> Vector3 {
+        let [p, q, r] = self.corners(face);
+        (p + q + r) / 3.0
+    }
 }
 
 /// A tetrahedral mesh; tetrahedra are positively oriented quadruples of vertex indices.

@@ -21,7 +21,7 @@ impl FaceHierarchy {
     /// Builds the tree in `O(f log f)`.
     pub fn new(mesh: &TriangleMesh) -> Self {
         let centres = TriangleMesh {
-            positions: mesh.faces.iter().map(|face| centre(mesh, face).into()).collect(),
+            positions: mesh.faces.iter().map(|face| mesh.barycentre(face).into()).collect(),
             faces: Vec::new(),
             ..Default::default()
         };
@@ -96,11 +96,6 @@ impl FaceHierarchy {
     }
 }
 
-/// The mean of the corners.
-fn centre(mesh: &TriangleMesh, face: &[u32; 3]) -> Vector3 {
-    mesh.corners(face).into_iter().sum::<Vector3>() / 3.0
-}
-
 fn union(a: [[f32; 3]; 2], b: &[[f32; 3]; 2]) -> [[f32; 3]; 2] {
     let each = |k: usize, function: fn(f32, f32) -> f32| std::array::from_fn(|i| function(a[k][i], b[k][i]));
     [each(0, f32::min), each(1, f32::max)]
@@ -170,7 +165,7 @@ mod tests {
             assert!((distance - least.sqrt()).abs() < 1e-12);
         }
         for (face, corners) in mesh.faces.iter().enumerate().step_by(50) {
-            assert_eq!(tree.nearest(&mesh, centre(&mesh, corners).into()).unwrap().0, face as u32);
+            assert_eq!(tree.nearest(&mesh, mesh.barycentre(corners).into()).unwrap().0, face as u32);
         }
     }
 
