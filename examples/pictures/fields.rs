@@ -4,7 +4,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use chladni_base::Unwatched;
+use chladni_base::{Unwatched, Vector3};
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::shape::{Shape, generate};
 use chladni_spectral::basis::Product;
@@ -189,7 +189,8 @@ fn furred(first: &TriangleMesh, second: &TriangleMesh) -> Result<(), Failure> {
     ] {
         let setting = basis(mesh, json!({"dimension": 800}))?;
         let frames = setting.surface.surface.frames();
-        let rows = (0..frames.faces()).flat_map(|f| frames.to_world(f, frames.from_world(f, [0.0, -0.8, -0.6])));
+        let rows =
+            (0..frames.faces()).flat_map(|f| frames.to_world(f, frames.from_world(f, Vector3::new(0.0, -0.8, -0.6))).0);
         let table = json!({"columns": 3, "values": rows.collect::<Vec<f64>>()});
         let request: FurRequest = serde_json::from_value(json!({
             "field": {"design": {"weights": {"harmonic": 0.01}, "alignment": {"to": table, "weight": 1.0}}},
@@ -213,7 +214,8 @@ fn smoothed(mesh: &TriangleMesh) -> Result<(), Failure> {
         "weights": {"harmonic": 0.01, "biharmonic": 0.0001}, "alignment": {"to": "curvature", "weight": 1.0}
     }))?;
     let tensors = setting.lifted(&setting.design(&request, &Unwatched)?)?;
-    let smooth = tensors.chunks_exact(3).flat_map(|t| tensor_deviator([0, 1, 2].map(|i| f64::from(t[i]))));
+    let deviator = |t: &[f32]| tensor_deviator([t[0], t[1], t[2]].map(f64::from));
+    let smooth = tensors.chunks_exact(3).map(deviator).flat_map(|z| [z.re, z.im]);
     let fields: [Vec<f32>; 2] = [raw.iter().map(|&x| x as f32).collect(), smooth.map(|x| x as f32).collect()];
     let mut plates = Vec::new();
     for field in fields {
@@ -246,7 +248,7 @@ fn quads(name: &str, mesh: &TriangleMesh, creases: f64, share: f64, from: [f64; 
     let colour = |face: usize, weights: [f64; 3]| {
         let z = own.coordinates[face];
         let off = |axis: usize| {
-            let x = (0..3).map(|k| weights[k] * z[k][axis]).sum::<f64>();
+            let x = (0..3).map(|k| weights[k] * [z[k].re, z[k].im][axis]).sum::<f64>();
             (x - x.round()).abs()
         };
         if off(0).min(off(1)) < 0.06 { [0.16, 0.25, 0.45] } else { CLAY }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use chladni_base::Vector3;
 use chladni_spectral::operator::transport::FieldKind;
 use chladni_work::design::{DesignFault, FurRequest, HatchingRequest, Setting};
 use serde_json::{Value, json};
@@ -160,8 +161,8 @@ fn usual_lines(setting: &Setting) -> Value {
 /// A field that runs down and back over the surface: for each face the part of one direction that lies in it.
 fn combed_back(setting: &Setting) -> Value {
     let frames = setting.surface.surface.frames();
-    let way = [0.0, -0.8, -0.6];
-    let rows = (0..frames.faces()).flat_map(|face| frames.to_world(face, frames.from_world(face, way)));
+    let way = Vector3::new(0.0, -0.8, -0.6);
+    let rows = (0..frames.faces()).flat_map(|face| frames.to_world(face, frames.from_world(face, way)).0);
     let table = json!({"columns": 3, "values": rows.collect::<Vec<f64>>()});
     json!({"design": {"weights": {"harmonic": 0.01}, "alignment": {"to": table, "weight": 1.0}}})
 }

@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
+use chladni_base::Vector3;
 use chladni_base::parallel::*;
 
 use super::{TetMesh, TriangleMesh};
@@ -76,8 +77,8 @@ impl Connectivity {
             offsets[v + 1] += offsets[v];
         }
         let length = |&pair: &u64| {
-            let (p, q) = (solid.positions[(pair >> 32) as usize], solid.positions[pair as u32 as usize]);
-            (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>().sqrt()
+            let [p, q] = [(pair >> 32) as usize, pair as u32 as usize].map(|v| Vector3(solid.positions[v]));
+            (p - q).norm()
         };
         let lengths = pairs.par_iter().map(length).collect();
         Self::from_graph(offsets, pairs.iter().map(|&pair| pair as u32).collect(), lengths)
@@ -247,8 +248,7 @@ mod tests {
         for v in 0..connectivity.vertices() as u32 {
             let (neighbours, lengths) = connectivity.neighbours(v);
             for (&w, &length) in neighbours.iter().zip(lengths) {
-                let (p, q) = (mesh.positions[v as usize], mesh.positions[w as usize]);
-                let straight = (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>().sqrt();
+                let straight = (mesh.point(v) - mesh.point(w)).norm();
                 assert!((length - straight).abs() < 1e-15);
                 found.push((v, w));
             }

@@ -1,5 +1,7 @@
 //! Small meshes that tests are made of, here and in the crates above.
 
+use chladni_base::Vector3;
+
 use crate::TriangleMesh;
 
 /// A square of `side × side` vertices at unit spacing, its diagonals alternating.
@@ -141,7 +143,7 @@ pub fn union(meshes: &[TriangleMesh]) -> TriangleMesh {
 /// A mesh moved and scaled.
 pub fn placed(mut mesh: TriangleMesh, scale: f64, offset: [f64; 3]) -> TriangleMesh {
     for p in &mut mesh.positions {
-        *p = [0, 1, 2].map(|k| p[k] * scale + offset[k]);
+        *p = (Vector3(*p) * scale + Vector3(offset)).into();
     }
     mesh
 }

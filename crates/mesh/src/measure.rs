@@ -11,10 +11,8 @@ const CHUNK: usize = 1 << 13;
 /// The area of one face, in squared units of the mesh. Zero for a degenerate face.
 #[inline]
 pub fn face_area(mesh: &TriangleMesh, face: &[u32; 3]) -> f64 {
-    let [a, b, c] = face.map(|v| mesh.positions[v as usize]);
-    let (u, v) = ([b[0] - a[0], b[1] - a[1], b[2] - a[2]], [c[0] - a[0], c[1] - a[1], c[2] - a[2]]);
-    let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-    0.5 * (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt()
+    let [a, b, c] = mesh.corners(face);
+    0.5 * (b - a).cross(c - a).norm()
 }
 
 /// The area of the surface, in squared units of the mesh.

@@ -1,5 +1,7 @@
 //! The face nearest to a point: a tree of boxes over faces in the order of a space-filling curve.
 
+use chladni_base::Vector3;
+
 use super::TriangleMesh;
 use super::sample::faces_along_curve;
 
@@ -51,6 +53,7 @@ impl FaceHierarchy {
         if !point.iter().all(|x| x.is_finite()) {
             return None;
         }
+        let place = Vector3(point);
         let mut best: Option<(u32, f64)> = None;
         let mut stack = vec![(self.levels.len() - 1, 0usize)];
         while let Some((level, node)) = stack.pop() {
@@ -61,8 +64,7 @@ impl FaceHierarchy {
             if level == 0 {
                 let faces = self.order.iter().skip(node * LEAF).take(LEAF);
                 for &face in faces {
-                    let corners = mesh.faces[face as usize].map(|v| mesh.positions[v as usize]);
-                    let square = triangle_distance(corners, point);
+                    let square = triangle_distance(mesh.corners(&mesh.faces[face as usize]), place);
                     if best.is_none_or(|(_, least)| square < least) {
                         best = Some((face, square));
                     }
@@ -89,7 +91,8 @@ impl FaceHierarchy {
 }
 
 fn union(a: [[f32; 3]; 2], b: &[[f32; 3]; 2]) -> [[f32; 3]; 2] {
-    [[0, 1, 2].map(|i| a[0][i].min(b[0][i])), [0, 1, 2].map(|i| a[1][i].max(b[1][i]))]
+    let each = |k: usize, function: fn(f32, f32) -> f32| std::array::from_fn(|i| function(a[k][i], b[k][i]));
+    [each(0, f32::min), each(1, f32::max)]
 }
 
 /// The squared distance of a point from a box.
@@ -99,25 +102,19 @@ fn box_distance(bounds: &[[f32; 3]; 2], point: [f64; 3]) -> f64 {
 
 /// The squared distance of a point from a triangle, by the region of the plane that it projects to (Ericson 2005,
 /// section 5.1.5).
-fn triangle_distance([a, b, c]: [[f64; 3]; 3], p: [f64; 3]) -> f64 {
-    let minus = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|i| a[i] - b[i]);
-    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    let (ab, ac, ap) = (minus(b, a), minus(c, a), minus(p, a));
-    let (bp, cp) = (minus(p, b), minus(p, c));
-    let (d1, d2, d3, d4, d5, d6) = (dot(ab, ap), dot(ac, ap), dot(ab, bp), dot(ac, bp), dot(ab, cp), dot(ac, cp));
-    let along = |from: [f64; 3], s: f64, u: [f64; 3], t: f64, v: [f64; 3]| {
-        let q = [0, 1, 2].map(|i| from[i] + s * u[i] + t * v[i]);
-        let r = minus(p, q);
-        dot(r, r)
-    };
+fn triangle_distance([a, b, c]: [Vector3; 3], p: Vector3) -> f64 {
+    let (ab, ac) = (b - a, c - a);
+    let (ap, bp, cp) = (p - a, p - b, p - c);
+    let (d1, d2, d3, d4, d5, d6) = (ab.dot(ap), ac.dot(ap), ab.dot(bp), ac.dot(bp), ab.dot(cp), ac.dot(cp));
+    let along = |from: Vector3, s: f64, u: Vector3, t: f64, v: Vector3| (p - (from + s * u + t * v)).norm_squared();
     if d1 <= 0.0 && d2 <= 0.0 {
-        return dot(ap, ap);
+        return ap.norm_squared();
     }
     if d3 >= 0.0 && d4 <= d3 {
-        return dot(bp, bp);
+        return bp.norm_squared();
     }
     if d6 >= 0.0 && d5 <= d6 {
-        return dot(cp, cp);
+        return cp.norm_squared();
     }
     let vc = d1 * d4 - d3 * d2;
     if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
@@ -130,12 +127,12 @@ fn triangle_distance([a, b, c]: [[f64; 3]; 3], p: [f64; 3]) -> f64 {
     let va = d3 * d6 - d5 * d4;
     if va <= 0.0 && d4 >= d3 && d5 >= d6 {
         let t = (d4 - d3) / ((d4 - d3) + (d5 - d6));
-        return along(b, t, minus(c, b), 0.0, ac);
+        return along(b, t, c - b, 0.0, ac);
     }
     let sum = va + vb + vc;
     if !(sum > 0.0) {
         // No area: one of its corners is as near as it gets, to rounding.
-        return dot(ap, ap).min(dot(bp, bp)).min(dot(cp, cp));
+        return ap.norm_squared().min(bp.norm_squared()).min(cp.norm_squared());
     }
     along(a, vb / sum, ab, vc / sum, ac)
 }
@@ -152,18 +149,17 @@ mod tests {
         let tree = FaceHierarchy::new(&mesh);
         let mut random = SplitMix64::new(3);
         for _ in 0..200 {
-            let point = [0, 1, 2].map(|_| 6.0 * random.unit() - 3.0);
+            let point = [(); 3].map(|()| 6.0 * random.unit() - 3.0);
             let (_, distance) = tree.nearest(&mesh, point).unwrap();
             let least = mesh
                 .faces
                 .iter()
-                .map(|f| triangle_distance(f.map(|v| mesh.positions[v as usize]), point))
+                .map(|f| triangle_distance(mesh.corners(f), point.into()))
                 .fold(f64::INFINITY, f64::min);
             assert!((distance - least.sqrt()).abs() < 1e-12);
         }
         for (face, corners) in mesh.faces.iter().enumerate().step_by(50) {
-            let centre = [0, 1, 2].map(|i| corners.iter().map(|&v| mesh.positions[v as usize][i]).sum::<f64>() / 3.0);
-            assert_eq!(tree.nearest(&mesh, centre).unwrap().0, face as u32);
+            assert_eq!(tree.nearest(&mesh, mesh.barycentre(corners).into()).unwrap().0, face as u32);
         }
     }
 
@@ -178,7 +174,7 @@ mod tests {
 
     #[test]
     fn distances_to_each_part_of_a_triangle() {
-        let triangle = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]];
+        let triangle = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]].map(Vector3);
         for (point, square) in [
             ([-1.0, -1.0, 0.0], 2.0),
             ([3.0, 0.0, 0.0], 1.0),
@@ -188,9 +184,8 @@ mod tests {
             ([2.0, 2.0, 0.0], 2.0),
             ([0.5, 0.5, 3.0], 9.0),
         ] {
-            assert!((triangle_distance(triangle, point) - square).abs() < 1e-12, "{point:?}");
+            assert!((triangle_distance(triangle, point.into()) - square).abs() < 1e-12, "{point:?}");
         }
-        let flat = [[0.0; 3]; 3];
-        assert_eq!(triangle_distance(flat, [0.0, 1.0, 0.0]), 1.0);
+        assert_eq!(triangle_distance([Vector3::ZERO; 3], Vector3::new(0.0, 1.0, 0.0)), 1.0);
     }
 }

@@ -1,5 +1,7 @@
 //! Solids: tetrahedra checked, and the surface that they have.
 
+use chladni_base::Vector3;
+
 use super::check::points::{check_points, has_points_alone, inspect_points};
 use super::check::{
     CheckOptions, CheckedMesh, DROPPED, Defect, DefectKind, EXAMPLES, FileSize, Merge, MeshError, MeshReport, Repair,
@@ -242,14 +244,11 @@ fn sound(
 
 /// The signed volume, and whether it cannot be told from zero.
 fn volume(positions: &[[f64; 3]], corners: &[u32; 4]) -> (f64, bool) {
-    let [a, b, c, d] = corners.map(|v| positions[v as usize]);
-    let minus = |p: [f64; 3], q: [f64; 3]| [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
-    let (u, v, w) = (minus(b, a), minus(c, a), minus(d, a));
-    let cross = [v[1] * w[2] - v[2] * w[1], v[2] * w[0] - v[0] * w[2], v[0] * w[1] - v[1] * w[0]];
-    let volume = (u[0] * cross[0] + u[1] * cross[1] + u[2] * cross[2]) / 6.0;
-    let square = |e: [f64; 3]| e[0] * e[0] + e[1] * e[1] + e[2] * e[2];
-    let edges = [u, v, w, minus(c, b), minus(d, b), minus(d, c)];
-    let longest = edges.into_iter().map(square).fold(0.0, f64::max);
+    let [a, b, c, d] = corners.map(|v| Vector3(positions[v as usize]));
+    let (u, v, w) = (b - a, c - a, d - a);
+    let volume = u.dot(v.cross(w)) / 6.0;
+    let edges = [u, v, w, c - b, d - b, d - c];
+    let longest = edges.into_iter().map(Vector3::norm_squared).fold(0.0, f64::max);
     (volume, !(volume.abs() > FLAT * longest * longest.sqrt()))
 }
 
@@ -325,12 +324,10 @@ mod tests {
         assert_eq!(mesh.positions[..], solid.positions[..4]);
         let map: Vec<_> = body.surface.numbering.vertex_map().flatten().collect();
         assert_eq!(map, [4, 0, 1, 2, 3]);
-        let middle = [0.25; 3];
+        let middle = Vector3([0.25; 3]);
         for face in &mesh.faces {
-            let [a, b, c] = face.map(|v| mesh.positions[v as usize]);
-            let [u, v, w]: [[f64; 3]; 3] = [b, c, middle].map(|p| std::array::from_fn(|k| p[k] - a[k]));
-            let cross = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-            assert!((0..3).map(|k| cross[k] * w[k]).sum::<f64>() < 0.0, "{face:?}");
+            let [a, b, c] = mesh.corners(face);
+            assert!((b - a).cross(c - a).dot(middle - a) < 0.0, "{face:?}");
         }
         assert!(solid.tetrahedra.iter().all(|corners| volume(&solid.positions, corners).0 > 0.0));
         assert_eq!(surface(&solid).faces.len(), 4);

@@ -12,16 +12,17 @@ pub const MOST_SUBDIVISIONS: u8 = 6;
 /// not there.
 pub fn subdivided(mesh: &TriangleMesh) -> Option<TriangleMesh> {
     u32::try_from(mesh.faces.len().checked_mul(4)?).ok()?;
+    let points = mesh.points();
     let mut positions = mesh.positions.clone();
     let mut midpoints: HashMap<[u32; 2], u32> = HashMap::with_capacity(mesh.faces.len() * 3 / 2);
     let mut faces = Vec::with_capacity(4 * mesh.faces.len());
     for &[a, b, c] in &mesh.faces {
         let mut middle = |p: u32, q: u32| -> Option<u32> {
-            let (from, to) = (*mesh.positions.get(p as usize)?, *mesh.positions.get(q as usize)?);
+            let (from, to) = (*points.get(p as usize)?, *points.get(q as usize)?);
             let fresh = u32::try_from(positions.len()).ok()?;
             let found = *midpoints.entry([p.min(q), p.max(q)]).or_insert(fresh);
             if found == fresh {
-                positions.push([0, 1, 2].map(|i| 0.5 * (from[i] + to[i])));
+                positions.push((0.5 * (from + to)).into());
             }
             Some(found)
         };

@@ -5,6 +5,8 @@ mod glb;
 
 use std::io::{self, Write};
 
+use chladni_base::Vector3;
+
 use super::TriangleMesh;
 use super::attributes::Attributes;
 
@@ -68,9 +70,10 @@ pub fn far_middle(positions: &[[f64; 3]]) -> Option<[f64; 3]> {
         }
     }
     let [low, high] = bounds;
-    let size = (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f64>().sqrt();
+    let [below, above] = bounds.map(Vector3);
+    let size = (above - below).norm();
     let farthest = (0..3).map(|k| low[k].abs().max(high[k].abs())).fold(0.0, f64::max);
-    (size > 0.0 && farthest > NEAR * size).then(|| std::array::from_fn(|k| 0.5 * low[k] + 0.5 * high[k]))
+    (size > 0.0 && farthest > NEAR * size).then(|| (0.5 * below + 0.5 * above).into())
 }
 
 impl PlyPrecision {

@@ -25,6 +25,7 @@ use chladni_spectral::field::{
     Constraint, Construction, DesignModel, EnergyWeights, FieldBasis, FieldHeat, FieldParameters, FieldSurface, Hold,
     LocalEigenfields, direction_in_frame, field_basis, whole_space,
 };
+use chladni_spectral::operator::frames::{Complex64, parts, power};
 use chladni_spectral::operator::hodge::FieldBoundary;
 use chladni_spectral::operator::transport::FieldKind;
 
@@ -153,7 +154,7 @@ impl Exact {
         let (mut inside, mut given) = (vec![0.0; faces], vec![0.0; b * faces]);
         for centre in centres {
             let (sine, cosine) = (std::f64::consts::TAU * random.unit()).sin_cos();
-            let world = surface.frames().to_world(centre, [cosine, sine]);
+            let world = surface.frames().to_world(centre, Complex64::new(cosine, sine)).into();
             for face in disk(surface, centre) {
                 let planar = direction_in_frame(FieldKind::Vector {}, surface.frames(), face, world);
                 let value = match (kind, planar) {
@@ -227,7 +228,7 @@ fn value(kind: FieldKind, [x, y]: [f64; 2]) -> [f64; 3] {
     if kind == (FieldKind::Tensor {}) {
         return [x * x, y * y, std::f64::consts::SQRT_2 * x * y];
     }
-    let [x, y] = chladni_spectral::operator::frames::power([x, y], kind.order());
+    let [x, y] = parts(power(Complex64::new(x, y), kind.order()));
     [x, y, 0.0]
 }
 
@@ -236,7 +237,7 @@ fn stroke(surface: &FieldSurface, kind: FieldKind, random: &mut Random) -> Vec<C
     let frames = surface.frames();
     let mut face = random.face(surface);
     let (sine, cosine) = (std::f64::consts::TAU * random.unit()).sin_cos();
-    let along = frames.to_world(face, [cosine, sine]);
+    let along = frames.to_world(face, Complex64::new(cosine, sine)).into();
     let mut found: Vec<Constraint> = Vec::new();
     for _ in 0..20 {
         let Some([x, y, _]) = direction_in_frame(FieldKind::Vector {}, frames, face, along) else { break };
@@ -247,7 +248,7 @@ fn stroke(surface: &FieldSurface, kind: FieldKind, random: &mut Random) -> Vec<C
         }
         // Across the edge that lies furthest ahead: outwards of edge (x, y) is (y, −x).
         let edges = frames.edges(face);
-        let ahead = |k: usize| (edges[k][1] * here[0] - edges[k][0] * here[1]) / edges[k][0].hypot(edges[k][1]);
+        let ahead = |k: usize| (edges[k].im * here[0] - edges[k].re * here[1]) / edges[k].norm();
         let next = (0..3).max_by(|&a, &b| ahead(a).total_cmp(&ahead(b))).map(|k| surface.dual().neighbours(face)[k]);
         match next {
             Some(next) if (next as usize) < surface.faces() => face = next as usize,

@@ -1,12 +1,12 @@
 //! Hatchings and fur as pictures.
 
-use chladni_base::Unwatched;
+use chladni_base::{Unwatched, Vector3};
 use chladni_mesh::shape::{Shape, generate};
 use chladni_spectral::field::{
     Camera, CoatParameters, Drawing, FieldSurface, HairStyle, HatchedLines, HatchingParameters, HatchingStyle,
     Streamline, Tone, grow, hatch, paint, streamlines,
 };
-use chladni_spectral::operator::frames::power;
+use chladni_spectral::operator::frames::{parts, power};
 
 const CAMERA: Camera =
     Camera { eye: [0.0, 0.0, 8.0], target: [0.0; 3], up: [0.0, 1.0, 0.0], angle: 18.0, width: 300, height: 300 };
@@ -19,10 +19,9 @@ fn sphere() -> FieldSurface {
 fn around(surface: &FieldSurface, n: u32) -> Vec<f32> {
     let mesh = surface.mesh();
     let each = |f: usize| {
-        let c = [0, 1, 2].map(|i| mesh.faces[f].iter().map(|&v| mesh.positions[v as usize][i]).sum::<f64>());
-        let v = surface.frames().from_world(f, [c[2], 0.0, -c[0]]);
-        let size = v[0].hypot(v[1]).max(1e-12);
-        power([v[0] / size, v[1] / size], n).map(|x| x as f32)
+        let c = mesh.barycentre(&mesh.faces[f]);
+        let v = surface.frames().from_world(f, Vector3::new(c[2], 0.0, -c[0]));
+        parts(power(v / v.norm().max(1e-12), n)).map(|x| x as f32)
     };
     (0..surface.faces()).flat_map(each).collect()
 }

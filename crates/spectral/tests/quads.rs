@@ -1,7 +1,7 @@
 //! Cross fields along creases, cut and combed, and seamless parametrisations along them.
 
 use chladni_algebra::{DenseMatrix, solve_definite};
-use chladni_base::{SplitMix64, Unwatched};
+use chladni_base::{SplitMix64, Unwatched, Vector3};
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::dual::NO_FACE;
 use chladni_mesh::fixtures::union;
@@ -12,14 +12,11 @@ use chladni_spectral::field::quad::{
     Combed, CrossField, CrossParameters, Parametrisation, ParametrisationParameters, QuadError, VertexOrder, comb,
     parametrise, write_matching, write_obj, write_raw_field, write_singularities, write_vtk,
 };
-use chladni_spectral::operator::frames::{Planar, conjugate, multiply, power};
+use chladni_spectral::operator::frames::{Complex64, complex, inner, outer, parts, power};
 
-fn minus(a: Planar, b: Planar) -> Planar {
-    [a[0] - b[0], a[1] - b[1]]
-}
-
-fn size(a: Planar) -> f64 {
-    a[0].hypot(a[1])
+/// How far both numbers of each are from whole ones, at most.
+fn off_whole(numbers: &[Complex64]) -> f64 {
+    numbers.iter().flat_map(|&z| parts(z)).map(|x| (x - x.round()).abs()).fold(0.0, f64::max)
 }
 
 /// A unit cube, each side of `n × n` squares.
@@ -82,19 +79,19 @@ fn corners(surface: &FieldSurface) -> Vec<(usize, [[usize; 2]; 2])> {
 
 /// The greatest jump of coordinates across an edge that is not cut, and of their differences along one that is, after
 /// its quarter turns; and all translations.
-fn seams(surface: &FieldSurface, combed: &Combed, found: &Parametrisation) -> (f64, Vec<Planar>) {
+fn seams(surface: &FieldSurface, combed: &Combed, found: &Parametrisation) -> (f64, Vec<Complex64>) {
     let at = |corner: usize| found.coordinates[corner / 3][corner % 3];
     let (mut worst, mut translations) = (0.0f64, Vec::new());
     for (edge, [low, high]) in corners(surface) {
         // z_upper = i^(−jump) z_lower + t
-        let turn = power([0.0, -1.0], u32::from(combed.jumps[edge]));
-        let t = [0, 1].map(|i| minus(at(high[i]), multiply(turn, at(low[i]))));
-        worst = worst.max(size(minus(t[0], t[1])));
+        let turn = power(-Complex64::I, u32::from(combed.jumps[edge]));
+        let t = [0, 1].map(|i| at(high[i]) - turn * at(low[i]));
+        worst = worst.max((t[0] - t[1]).norm());
         if combed.cut[edge] {
             translations.push(t[0]);
         } else {
             assert_eq!(combed.jumps[edge], 0, "only the cut turns");
-            worst = worst.max(size(t[0]));
+            worst = worst.max(t[0].norm());
         }
     }
     (worst, translations)
@@ -130,7 +127,7 @@ fn coordinates_are_seamless_whatever_the_field_and_the_surface() {
 
 /// The least energy of coordinates of corners that are tied together only by what has to hold across each edge: no
 /// seams, no nodes, all corners free.
-fn least(surface: &FieldSurface, combed: &Combed, spacing: f64) -> Vec<[Planar; 3]> {
+fn least(surface: &FieldSurface, combed: &Combed, spacing: f64) -> Vec<[Complex64; 3]> {
     let n = 6 * surface.faces();
     let mut matrix = DenseMatrix::zeros(n, n);
     let mut right = DenseMatrix::zeros(n, 1);
@@ -145,17 +142,17 @@ fn least(surface: &FieldSurface, combed: &Combed, spacing: f64) -> Vec<[Planar; 
         let e = frames.edges(face);
         for k in 0..3 {
             let (a, b) = (e[(k + 1) % 3], e[(k + 2) % 3]);
-            let weight = -(a[0] * b[0] + a[1] * b[1]) / (2.0 * frames.areas()[face]);
-            let wanted = multiply(e[k], conjugate(combed.directions[face])).map(|x| x / spacing);
+            let weight = -inner(a, b) / (2.0 * frames.areas()[face]);
+            let wanted = parts(e[k] * combed.directions[face].conj() / spacing);
             let [p, q] = [1, 2].map(|i| 2 * (3 * face + (k + i) % 3));
             (0..2).for_each(|i| row(&[(q + i, 1.0), (p + i, -1.0)], wanted[i], weight));
         }
     }
     let firm = 1e7;
     for (edge, [low, high]) in corners(surface) {
-        let [c, s] = power([0.0, -1.0], u32::from(combed.jumps[edge]));
+        let [c, s] = parts(power(-Complex64::I, u32::from(combed.jumps[edge])));
         // Of a complex number turned by (c, s): the real and the imaginary part.
-        let parts = |corner: usize, sign: f64| {
+        let both = |corner: usize, sign: f64| {
             let z = 2 * corner;
             [vec![(z, sign * c), (z + 1, -sign * s)], vec![(z, sign * s), (z + 1, sign * c)]]
         };
@@ -163,7 +160,7 @@ fn least(surface: &FieldSurface, combed: &Combed, spacing: f64) -> Vec<[Planar; 
             let plain = |corner: usize, sign: f64| (2 * corner + i, sign);
             if combed.cut[edge] {
                 let mut terms = vec![plain(high[0], 1.0), plain(high[1], -1.0)];
-                terms.extend(parts(low[0], -1.0)[i].iter().chain(&parts(low[1], 1.0)[i]));
+                terms.extend(both(low[0], -1.0)[i].iter().chain(&both(low[1], 1.0)[i]));
                 row(&terms, 0.0, firm);
             } else {
                 (0..2).for_each(|end| row(&[plain(high[end], 1.0), plain(low[end], -1.0)], 0.0, firm));
@@ -172,7 +169,7 @@ fn least(surface: &FieldSurface, combed: &Combed, spacing: f64) -> Vec<[Planar; 
     }
     (0..n).for_each(|i| matrix.column_mut(i)[i] += 1e-6);
     solve_definite(matrix, &mut right).unwrap();
-    let z = |corner: usize| [0, 1].map(|i| right.column(0)[2 * corner + i]);
+    let z = |corner: usize| complex([0, 1].map(|i| right.column(0)[2 * corner + i]));
     (0..surface.faces()).map(|face| [0, 1, 2].map(|k| z(3 * face + k))).collect()
 }
 
@@ -188,7 +185,7 @@ fn coordinates_have_the_least_energy_of_all_that_are_seamless() {
         let mut worst = 0.0f64;
         for (own, other) in found.coordinates.iter().zip(&oracle) {
             // Up to one translation of each component, which differences do not have.
-            (1..3).for_each(|k| worst = worst.max(size(minus(minus(own[k], own[0]), minus(other[k], other[0])))));
+            (1..3).for_each(|k| worst = worst.max(((own[k] - own[0]) - (other[k] - other[0])).norm()));
         }
         assert!(worst < 1e-3, "{shape}: {worst:e}");
     }
@@ -221,23 +218,16 @@ fn grid_lines_of_a_cube_run_along_its_edges_and_meet_across_the_cut() {
     let found = coordinates(&surface, &combed, &wanted);
     let (worst, translations) = seams(&surface, &combed, &found);
     assert!(worst < 1e-6 && found.inverted.is_empty() && found.misfit.unwrap() < 1e-6, "{worst:e} {:?}", found.misfit);
-    assert!(translations.iter().flatten().all(|x| (x - x.round()).abs() < 1e-6));
+    assert!(off_whole(&translations) < 1e-6);
     for (corners, z) in surface.mesh().faces.iter().zip(&found.coordinates) {
         for (&v, z) in corners.iter().zip(z) {
             let p = surface.mesh().positions[v as usize];
             let sharp = p.iter().filter(|x| **x == 0.0 || **x == 1.0).count();
-            let whole = z.iter().filter(|x| (**x - x.round()).abs() < 1e-6).count();
+            let whole = parts(*z).into_iter().filter(|x| (x - x.round()).abs() < 1e-6).count();
             assert!(whole + 1 >= sharp, "{p:?} {z:?}");
         }
     }
-    let squares: f64 = found
-        .coordinates
-        .iter()
-        .map(|[a, b, c]| {
-            let (p, q) = (minus(*b, *a), minus(*c, *a));
-            0.5 * (p[0] * q[1] - p[1] * q[0])
-        })
-        .sum();
+    let squares: f64 = found.coordinates.iter().map(|[a, b, c]| 0.5 * outer(b - a, c - a)).sum();
     // Of three and four squares along the axes.
     let boxes = [6 * 9, 2 * (9 + 12 + 12), 2 * (16 + 12 + 12), 6 * 16];
     assert!(boxes.iter().any(|&whole| (squares - f64::from(whole)).abs() < 1e-3), "{squares} squares");
@@ -279,11 +269,11 @@ fn whole_numbers_on_cubes_agree_whatever_the_spacing() {
                 let (worst, translations) = seams(&surface, &combed, &found);
                 let context = format!("cut {times} times, {spacing}: {:?} {worst:e}", found.misfit);
                 assert!(found.misfit.unwrap() < 1e-8 && worst < 1e-6 && found.inverted.is_empty(), "{context}");
-                assert!(translations.iter().flatten().all(|x| (x - x.round()).abs() < 1e-6), "{context}");
+                assert!(off_whole(&translations) < 1e-6, "{context}");
                 for (corners, z) in surface.mesh().faces.iter().zip(&found.coordinates) {
                     let singular = |v: u32| combed.singularities.iter().any(|s| s.vertex == v);
                     for z in corners.iter().zip(z).filter(|(v, _)| singular(**v)).map(|(_, z)| z) {
-                        assert!(z.iter().all(|x| (x - x.round()).abs() < 1e-6), "{context}: {z:?}");
+                        assert!(off_whole(&[*z]) < 1e-6, "{context}: {z:?}");
                     }
                 }
             }
@@ -300,11 +290,11 @@ fn whole_translations_are_whole_on_surfaces_with_handles() {
         let found = coordinates(&surface, &combed, &parameters(&surface, true));
         let (worst, translations) = seams(&surface, &combed, &found);
         assert!(worst < 1e-6 && found.misfit.unwrap() < 1e-5, "{shape}: {worst:e} {:?}", found.misfit);
-        assert!(translations.iter().flatten().all(|x| (x - x.round()).abs() < 1e-5), "{shape}");
+        assert!(off_whole(&translations) < 1e-5, "{shape}");
         for s in &combed.singularities {
             let at = surface.mesh().faces.iter().position(|f| f.contains(&s.vertex)).unwrap();
             let k = surface.mesh().faces[at].iter().position(|&v| v == s.vertex).unwrap();
-            assert!(found.coordinates[at][k].iter().all(|x| (x - x.round()).abs() < 1e-5), "{shape}: {s:?}");
+            assert!(off_whole(&[found.coordinates[at][k]]) < 1e-5, "{shape}: {s:?}");
         }
     }
 }
@@ -331,8 +321,7 @@ fn faces_are_turned_back_and_seams_stay_as_they_are() {
         }
         let (worst, translations) = seams(&surface, &combed, &turned);
         assert!(worst < 1e-6, "{shape}: {worst:e}");
-        let whole = |x: &f64| (x - x.round()).abs() < 1e-5;
-        assert!(!integers || translations.iter().flatten().all(whole), "{shape}");
+        assert!(!integers || off_whole(&translations) < 1e-5, "{shape}");
     }
     assert!(2 * after <= before && before > 0, "{after} of {before}");
 }
@@ -362,8 +351,8 @@ fn files_have_the_corners_the_directions_and_how_they_go_on() {
             let (v, vt) = corner.split_once('/').unwrap();
             let [v, vt]: [usize; 2] = [v, vt].map(|x| x.parse().unwrap());
             assert_eq!(points[v - 1], surface.mesh().positions[surface.mesh().faces[face][k] as usize]);
-            let own = minus([textures[vt - 1][0], textures[vt - 1][1]], found.coordinates[face][k]);
-            assert!(size(own) < 1e-9);
+            let own = complex([textures[vt - 1][0], textures[vt - 1][1]]) - found.coordinates[face][k];
+            assert!(own.norm() < 1e-9);
         }
     }
     let field: Vec<Vec<f64>> = text(&|out| write_raw_field(&surface, &combed, out)).lines().map(numbers).collect();
@@ -378,9 +367,11 @@ fn files_have_the_corners_the_directions_and_how_they_go_on() {
         assert_eq!([from as u32, to as u32], [corners[(edge + 1) % 3], corners[(edge + 2) % 3]]);
         let carried = frames.carry(dual, low, edge).unwrap();
         for k in 0..4 {
-            let of = |face: usize, k: usize| frames.from_world(face, [0, 1, 2].map(|i| field[face + 1][3 * k + i]));
+            let of = |face: usize, k: usize| {
+                frames.from_world(face, Vector3(std::array::from_fn(|i| field[face + 1][3 * k + i])))
+            };
             let there = carried.of(of(high, (k + turn) % 4));
-            assert!(size(minus(there, of(low, k))) < 0.8, "the nearest of four");
+            assert!((there - of(low, k)).norm() < 0.8, "the nearest of four");
         }
     }
     let singular = text(&|out| write_singularities(&combed, out));
@@ -462,11 +453,7 @@ fn along(count: usize, at: impl Fn(f64) -> [f64; 2]) -> Vec<[f64; 2]> {
 
 /// Faces whose corners go the other way round in the plane: counted anew.
 fn turned_over(found: &Parametrisation) -> usize {
-    let area = |[a, b, c]: &[Planar; 3]| {
-        let (p, q) = (minus(*b, *a), minus(*c, *a));
-        p[0] * q[1] - p[1] * q[0]
-    };
-    found.coordinates.iter().filter(|z| area(z) <= 0.0).count()
+    found.coordinates.iter().filter(|[a, b, c]| outer(b - a, c - a) <= 0.0).count()
 }
 
 #[test]
@@ -511,7 +498,7 @@ fn zeros_of_order_four_in_regular_caps_are_split() {
                     let at = |corner: usize| found.coordinates[corner / 3][corner % 3];
                     for (_, [low, _]) in corners(&surface).iter().filter(|(e, _)| cross.creases.contains(&(*e as u32)))
                     {
-                        let (p, q) = (at(low[0]), at(low[1]));
+                        let [p, q] = [0, 1].map(|end| parts(at(low[end])));
                         let on = |i: usize| (p[i] - q[i]).abs() < 1e-5 && (p[i] - p[i].round()).abs() < 1e-5;
                         assert!(on(0) || on(1), "{name}: a crease lies on no line, {p:?} to {q:?}");
                     }

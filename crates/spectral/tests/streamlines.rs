@@ -3,16 +3,14 @@
 use chladni_base::Unwatched;
 use chladni_mesh::shape::{Shape, generate};
 use chladni_spectral::field::{FieldSurface, HatchingParameters, streamlines};
-use chladni_spectral::operator::frames::power;
+use chladni_spectral::operator::frames::{parts, power};
 
 /// The n-field one of whose directions is given in each face.
 fn directed(surface: &FieldSurface, n: u32, direction: impl Fn([f64; 3]) -> [f64; 3]) -> Vec<f32> {
     let mesh = surface.mesh();
     let each = |f: usize| {
-        let centre = [0, 1, 2].map(|i| mesh.faces[f].iter().map(|&v| mesh.positions[v as usize][i]).sum::<f64>() / 3.0);
-        let v = surface.frames().from_world(f, direction(centre));
-        let size = v[0].hypot(v[1]).max(1e-12);
-        power([v[0] / size, v[1] / size], n).map(|x| x as f32)
+        let v = surface.frames().from_world(f, direction(mesh.barycentre(&mesh.faces[f]).into()).into());
+        parts(power(v / v.norm().max(1e-12), n)).map(|x| x as f32)
     };
     (0..surface.faces()).flat_map(each).collect()
 }

@@ -55,7 +55,7 @@ async fn frames(
         .solve("frames", move |_| {
             let frames = surface.surface.frames();
             let both = frames.x_axes().iter().zip(frames.y_axes());
-            let values: Vec<f64> = both.flat_map(|(x, y)| x.iter().chain(y).copied()).collect();
+            let values: Vec<f64> = both.flat_map(|(x, y)| x.0.into_iter().chain(y.0)).collect();
             let values = to.push_faces(&values, 6);
             if !raw {
                 return Answer::json(&Table { columns: 6, values }, begin);

@@ -10,6 +10,7 @@ mod moved;
 
 use std::collections::HashMap;
 
+use chladni_base::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::repair::DROPPED;
@@ -155,7 +156,7 @@ impl Attributes {
     /// length one.
     pub(crate) fn divided(self) -> Self {
         let unit = |sum: [f64; 3]| {
-            let length = sum.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let length = Vector3(sum).norm();
             if length > 0.0 { sum.map(|x| x / length) } else { sum }
         };
         Self {

@@ -2,12 +2,11 @@
 
 use std::borrow::Cow;
 
+use chladni_base::Vector3;
 use chladni_base::parallel::*;
 
 use super::{Attributes, Layer, NONE};
 use crate::TriangleMesh;
-
-type Vector = [f64; 3];
 
 impl Attributes {
     /// The attributes of a surface whose vertices have moved. Normals follow it: at each vertex, what one normal of the
@@ -32,7 +31,7 @@ impl Attributes {
     }
 }
 
-fn follow(normals: &Layer<3>, from: &TriangleMesh, to: &[Vector]) -> Layer<3> {
+fn follow(normals: &Layer<3>, from: &TriangleMesh, to: &[[f64; 3]]) -> Layer<3> {
     // Corners by vertex and normal.
     let mut corners: Vec<(u32, u32, u32)> = Vec::with_capacity(3 * from.faces.len());
     for (f, (face, own)) in from.faces.iter().zip(&normals.corners).enumerate() {
@@ -41,13 +40,12 @@ fn follow(normals: &Layer<3>, from: &TriangleMesh, to: &[Vector]) -> Layer<3> {
     }
     corners.par_sort_unstable();
     let groups: Vec<&[(u32, u32, u32)]> = corners.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).collect();
-    let values: Vec<Vector> = groups
+    let values: Vec<[f64; 3]> = groups
         .par_iter()
         .map(|group| {
             let normal = normals.values[group[0].1 as usize];
-            let turned = group.iter().filter_map(|corner| turned(from, to, corner.2 / 3, normal));
-            let sum = turned.fold([0.0; 3], |sum, part| std::array::from_fn(|k| sum[k] + part[k]));
-            unit(sum).unwrap_or(normal)
+            let turned = group.iter().filter_map(|corner| turned(from, to, corner.2 / 3, normal.into()));
+            turned.sum::<Vector3>().normalized().map_or(normal, Vector3::into)
         })
         .collect();
     let mut moved = vec![[NONE; 3]; from.faces.len()];
@@ -59,36 +57,18 @@ fn follow(normals: &Layer<3>, from: &TriangleMesh, to: &[Vector]) -> Layer<3> {
 
 /// The normal as this face has turned it, as long as twice the area of the face; `None` where the face is flat, before
 /// or after.
-fn turned(from: &TriangleMesh, to: &[Vector], face: u32, normal: Vector) -> Option<Vector> {
+fn turned(from: &TriangleMesh, to: &[[f64; 3]], face: u32, normal: Vector3) -> Option<Vector3> {
     let corners = from.faces[face as usize].map(|v| v as usize);
-    let edges = |positions: &[Vector]| {
-        let [p, q, r] = corners.map(|v| positions[v]);
-        (subtract(q, p), subtract(r, p))
+    let edges = |positions: &[[f64; 3]]| {
+        let [p, q, r] = corners.map(|v| Vector3(positions[v]));
+        (q - p, r - p)
     };
     let ((e, f), (g, h)) = (edges(&from.positions), edges(to));
-    let (before, upright) = (cross(e, f), cross(g, h));
-    let (before, now) = (unit(before)?, unit(upright)?);
-    let area = dot(upright, upright).sqrt();
+    let (before, upright) = (e.cross(f), g.cross(h));
+    let (before, now) = (before.normalized()?, upright.normalized()?);
+    let area = upright.norm();
     // The new normal has the same products with the new edges and the new upright as the old one with the old.
-    let (along_e, along_f, up) = (dot(normal, e), dot(normal, f), dot(normal, before));
-    let (dual_g, dual_h) = (cross(h, now), cross(now, g));
-    let turned = std::array::from_fn(|k| (along_e * dual_g[k] + along_f * dual_h[k]) / area + up * now[k]);
-    unit(turned).map(|turned| turned.map(|x| area * x))
-}
-
-fn unit(v: Vector) -> Option<Vector> {
-    let length = dot(v, v).sqrt();
-    (length > 0.0 && length.is_finite()).then(|| v.map(|x| x / length))
-}
-
-fn subtract(a: Vector, b: Vector) -> Vector {
-    std::array::from_fn(|k| a[k] - b[k])
-}
-
-fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: Vector, b: Vector) -> Vector {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    let (along_e, along_f, up) = (normal.dot(e), normal.dot(f), normal.dot(before));
+    let turned = (along_e * h.cross(now) + along_f * now.cross(g)) / area + up * now;
+    turned.normalized().map(|turned| area * turned)
 }

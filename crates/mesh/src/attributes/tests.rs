@@ -1,6 +1,6 @@
 use std::fmt::Write as _;
 
-use chladni_base::SplitMix64;
+use chladni_base::{SplitMix64, Vector3};
 use proptest::prelude::*;
 
 use super::*;
@@ -210,14 +210,10 @@ fn subdivision_puts_values_between_those_of_its_ends() {
     assert_eq!(attributes.groups.runs, [[0, 0], [16, 1]]);
 }
 
-fn length(v: [f64; 3]) -> f64 {
-    v.iter().map(|x| x * x).sum::<f64>().sqrt()
-}
-
 /// The sine of the angle between two vectors, or more where they point away from each other.
 fn angle(a: [f64; 3], b: [f64; 3]) -> f64 {
-    let (p, q) = (a.map(|x| x / length(a)), b.map(|x| x / length(b)));
-    length(std::array::from_fn(|k| p[k] - q[k]))
+    let [p, q] = [a, b].map(|v| Vector3(v).normalized().unwrap());
+    (p - q).norm()
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use chladni_base::Vector3;
 use chladni_base::parallel::*;
 
 use super::extent::{bounding_box, total_area};
@@ -148,7 +149,7 @@ impl Examination {
     fn orient(&mut self, topology: &Topology) -> bool {
         // What operators take for one without area: next to the longest edges nothing is left of it in double
         // precision.
-        let corners = |face: [u32; 3]| face.map(|vertex| self.positions[vertex as usize]);
+        let corners = |face: [u32; 3]| face.map(|vertex| Vector3(self.positions[vertex as usize]));
         let flat = self.faces.select(|&face| TriangleShape::of_corners(corners(face)).area == 0.0);
         let defect = tally(&flat).into_defect(DefectKind::ZeroArea, |f| self.faces.origin(f));
         self.found.defects.extend(defect);

@@ -2,14 +2,13 @@
 
 use std::ops::Add;
 
+use chladni_base::Vector3;
 use chladni_base::parallel::*;
 
 /// Twice the area of a face.
 pub(super) fn doubled_area(positions: &[[f64; 3]], face: [u32; 3]) -> f64 {
-    let [p, q, r] = face.map(|v| positions[v as usize]);
-    let (e, f): ([f64; 3], [f64; 3]) = (std::array::from_fn(|i| q[i] - p[i]), std::array::from_fn(|i| r[i] - p[i]));
-    let normal = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]];
-    (normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]).sqrt()
+    let [p, q, r] = face.map(|v| Vector3(positions[v as usize]));
+    (q - p).cross(r - p).norm()
 }
 
 /// The total area, added up in an order that does not depend on the number of threads. Faces whose area overflows or is

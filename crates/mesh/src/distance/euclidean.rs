@@ -1,5 +1,7 @@
 //! Straight-line distances over the part of the ball that is connected to its centre.
 
+use chladni_base::Vector3;
+
 use super::{DistanceGeometry, DistanceWorkspace};
 
 /// A vertex as the flood sees it: one load answers both whether it is new and where it is.
@@ -12,7 +14,7 @@ pub(super) struct Place {
 
 /// The vertices of a mesh, none of them visited.
 pub(super) fn places(geometry: &DistanceGeometry) -> Vec<Place> {
-    let positions = &geometry.mesh.positions;
+    let positions = geometry.mesh.points();
     let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for p in positions {
         for k in 0..3 {
@@ -20,9 +22,9 @@ pub(super) fn places(geometry: &DistanceGeometry) -> Vec<Place> {
             high[k] = high[k].max(p[k]);
         }
     }
-    let middle = [0, 1, 2].map(|k| 0.5 * low[k] + 0.5 * high[k]);
+    let middle = 0.5 * Vector3(low) + 0.5 * Vector3(high);
     let scale = 1.0 / geometry.unit;
-    let place = |p: &[f64; 3]| Place { position: [0, 1, 2].map(|k| ((p[k] - middle[k]) * scale) as f32), stamp: 0 };
+    let place = |&p: &Vector3| Place { position: ((p - middle) * scale).map(|x| x as f32), stamp: 0 };
     positions.iter().map(place).collect()
 }
 
@@ -49,7 +51,7 @@ impl DistanceWorkspace {
             next += 1;
             for &w in &neighbours[connectivity.edge_range(v)] {
                 let place = &mut places[w as usize];
-                let [x, y, z] = [0, 1, 2].map(|k| place.position[k] - centre[k]);
+                let [x, y, z]: [f32; 3] = std::array::from_fn(|k| place.position[k] - centre[k]);
                 let distance = x * x + y * y + z * z;
                 flood[end] = (w, distance);
                 end += usize::from(place.stamp != stamp && distance <= square);

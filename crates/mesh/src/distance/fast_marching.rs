@@ -33,16 +33,13 @@ pub(super) fn corners(mesh: &TriangleMesh, connectivity: &Connectivity, unit: f6
                 let face = mesh.faces[f as usize];
                 let i = usize::from(face[1] == v) + 2 * usize::from(face[2] == v);
                 let vertices = [face[(i + 1) % 3], face[(i + 2) % 3]];
-                let [p, q, r] = [v, vertices[0], vertices[1]].map(|w| mesh.positions[w as usize]);
-                let edge = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|k| (b[k] - a[k]) * scale);
-                let length = |e: [f64; 3]| (e[0] * e[0] + e[1] * e[1] + e[2] * e[2]).sqrt();
-                let (a, b, c) = (edge(p, q), edge(p, r), edge(q, r));
-                let normal = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+                let [p, q, r] = mesh.corners(&[v, vertices[0], vertices[1]]);
+                let (a, b, c) = ((q - p) * scale, (r - p) * scale, (r - q) * scale);
                 Corner {
                     vertices,
-                    lengths: [length(a) as f32, length(b) as f32],
-                    opposite: length(c) as f32,
-                    double_area: length(normal) as f32,
+                    lengths: [a.norm() as f32, b.norm() as f32],
+                    opposite: c.norm() as f32,
+                    double_area: a.cross(b).norm() as f32,
                 }
             })
         })

@@ -1,5 +1,6 @@
 //! Short-term vector Dijkstra (Campen et al. 2013).
 
+use chladni_base::Vector3;
 use chladni_base::parallel::*;
 
 use super::{DistanceGeometry, DistanceWorkspace};
@@ -23,38 +24,23 @@ pub(super) fn vertex_normals(mesh: &TriangleMesh, connectivity: &Connectivity) -
     (0..mesh.positions.len() as u32)
         .into_par_iter()
         .map(|v| {
-            let mut sum = [0.0f64; 3];
+            let mut sum = Vector3::ZERO;
             for &f in connectivity.faces_around(v) {
-                let [a, b, c] = mesh.faces[f as usize].map(|w| mesh.positions[w as usize]);
-                let (e, g) = (subtract(b, a), subtract(c, a));
-                let n = cross(e, g);
-                (0..3).for_each(|k| sum[k] += n[k]);
+                let [a, b, c] = mesh.corners(&mesh.faces[f as usize]);
+                sum += (b - a).cross(c - a);
             }
-            let length = dot(sum, sum).sqrt();
-            if length > 0.0 && length.is_finite() { sum.map(|x| (x / length) as f32) } else { [0.0; 3] }
+            sum.normalized().unwrap_or_default().map(|x| x as f32)
         })
         .collect()
 }
 
-fn subtract(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
 /// The turn from direction `before` to direction `after`, seen along `normal`: both are projected to the tangent plane.
 /// No turn where a projection vanishes, which makes the unfolded path as long as the path itself.
-fn turn(normal: [f32; 3], before: [f64; 3], after: [f64; 3]) -> [f32; 2] {
-    let normal = normal.map(f64::from);
-    let (u, v) = (dot(before, normal), dot(after, normal));
-    let cosine = dot(before, after) - u * v;
-    let sine = dot(cross(before, after), normal);
+fn turn(normal: [f32; 3], before: Vector3, after: Vector3) -> [f32; 2] {
+    let normal = Vector3(normal.map(f64::from));
+    let (u, v) = (before.dot(normal), after.dot(normal));
+    let cosine = before.dot(after) - u * v;
+    let sine = before.cross(after).dot(normal);
     let length = (cosine * cosine + sine * sine).sqrt();
     if length > 0.0 && length.is_finite() { [(cosine / length) as f32, (sine / length) as f32] } else { [1.0, 0.0] }
 }
@@ -69,7 +55,7 @@ impl DistanceWorkspace {
         source: u32,
         radius: f32,
     ) {
-        let (positions, connectivity) = (&geometry.mesh.positions, geometry.connectivity);
+        let (positions, connectivity) = (geometry.mesh.points(), geometry.connectivity);
         if self.paths.len() < positions.len() {
             self.paths.resize(positions.len(), Step::default());
         }
@@ -77,13 +63,13 @@ impl DistanceWorkspace {
         self.offer(source, 0.0);
         while let Some((v, distance)) = self.settle() {
             let arrival = self.paths[v as usize];
-            let before = subtract(positions[v as usize], positions[arrival.from as usize]);
+            let before = positions[v as usize] - positions[arrival.from as usize];
             let range = connectivity.edge_range(v);
             for (&w, &length) in connectivity.all_neighbours()[range.clone()].iter().zip(&lengths[range]) {
                 if self.settled_distance(w).is_some() {
                     continue;
                 }
-                let after = subtract(positions[w as usize], positions[v as usize]);
+                let after = positions[w as usize] - positions[v as usize];
                 let turn = if v == source { [1.0, 0.0] } else { turn(normals[v as usize], before, after) };
                 let step = Step { from: v, length, turn };
                 let there = self.unfolded(&step, distance, window);

@@ -19,8 +19,7 @@ fn distances(mesh: &TriangleMesh, kind: DistanceKind, source: u32, radius: f64) 
 }
 
 fn straight(mesh: &TriangleMesh, a: u32, b: u32) -> f64 {
-    let (p, q) = (mesh.positions[a as usize], mesh.positions[b as usize]);
-    (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>().sqrt()
+    (mesh.point(a) - mesh.point(b)).norm()
 }
 
 /// The mean and largest relative error over vertices at least `least` away.

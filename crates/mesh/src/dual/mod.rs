@@ -403,20 +403,18 @@ impl DualGraph {
 
 /// Where the barycentre of a face lies over its edge `k`: along the edge from its start, and above it.
 fn barycentre(mesh: &TriangleMesh, face: usize, k: usize) -> (f64, f64) {
-    let [apex, from, to] = [0, 1, 2].map(|i| mesh.positions[mesh.faces[face][(k + i) % 3] as usize]);
-    let e = [0, 1, 2].map(|i| to[i] - from[i]);
-    let u = [0, 1, 2].map(|i| apex[i] - from[i]);
-    let length = (e[0] * e[0] + e[1] * e[1] + e[2] * e[2]).sqrt();
+    let [apex, from, to] = std::array::from_fn(|i| mesh.point(mesh.faces[face][(k + i) % 3]));
+    let (e, u) = (to - from, apex - from);
+    let length = e.norm();
     if !(length > 0.0) {
-        return (0.0, (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]).sqrt() / 3.0);
+        return (0.0, u.norm() / 3.0);
     }
-    let along = (u[0] * e[0] + u[1] * e[1] + u[2] * e[2]) / length;
-    let c = [u[1] * e[2] - u[2] * e[1], u[2] * e[0] - u[0] * e[2], u[0] * e[1] - u[1] * e[0]];
-    let above = (c[0] * c[0] + c[1] * c[1] + c[2] * c[2]).sqrt() / length;
+    let along = u.dot(e) / length;
+    let above = u.cross(e).norm() / length;
     ((along + length) / 3.0, above / 3.0)
 }
 
 fn edge_length(mesh: &TriangleMesh, face: usize, k: usize) -> f64 {
-    let [from, to] = [1, 2].map(|i| mesh.positions[mesh.faces[face][(k + i) % 3] as usize]);
-    (0..3).map(|i| (to[i] - from[i]).powi(2)).sum::<f64>().sqrt()
+    let [from, to] = [1, 2].map(|i| mesh.point(mesh.faces[face][(k + i) % 3]));
+    (to - from).norm()
 }

@@ -73,10 +73,6 @@ fn next(h: u32) -> u32 {
     if h % 3 == 2 { h - 2 } else { h + 1 }
 }
 
-fn distance(p: [f64; 3], q: [f64; 3]) -> f64 {
-    ((p[0] - q[0]).powi(2) + (p[1] - q[1]).powi(2) + (p[2] - q[2]).powi(2)).sqrt()
-}
-
 /// What may be fixed of a triangulation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Rim {

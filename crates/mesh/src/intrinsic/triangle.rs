@@ -1,5 +1,7 @@
 //! What stiffness and mass need of a triangle, from its corners or from its lengths alone. No angle is formed.
 
+use chladni_base::Vector3;
+
 /// Half cotangents of a triangle's three angles, and its area; zeros where it has no area to speak of.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct TriangleShape {
@@ -11,15 +13,11 @@ pub struct TriangleShape {
 
 impl TriangleShape {
     /// The shape of the triangle with these corners.
-    pub fn of_corners(p: [[f64; 3]; 3]) -> Self {
-        let between = |a: [f64; 3], b: [f64; 3]| [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
-        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    pub fn of_corners([p, q, r]: [Vector3; 3]) -> Self {
         // Edge k is opposite to corner k.
-        let e = [between(p[1], p[2]), between(p[2], p[0]), between(p[0], p[1])];
-        let (a, b) = (e[1], e[2]);
-        let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-        let doubled = dot(cross, cross).sqrt();
-        let longest = dot(e[0], e[0]).max(dot(a, a)).max(dot(b, b));
+        let e = [r - q, p - r, q - p];
+        let doubled = e[1].cross(e[2]).norm();
+        let longest = e[0].norm_squared().max(e[1].norm_squared()).max(e[2].norm_squared());
         // The cross product carries rounding errors of this size: below it there is no area to speak of.
         if doubled <= 4.0 * f64::EPSILON * longest {
             return Self::default();
@@ -27,9 +25,9 @@ impl TriangleShape {
         let half_inverse = 0.5 / doubled;
         Self {
             half_cotangents: [
-                -dot(e[1], e[2]) * half_inverse,
-                -dot(e[2], e[0]) * half_inverse,
-                -dot(e[0], e[1]) * half_inverse,
+                -e[1].dot(e[2]) * half_inverse,
+                -e[2].dot(e[0]) * half_inverse,
+                -e[0].dot(e[1]) * half_inverse,
             ],
             area: 0.5 * doubled,
         }
@@ -66,8 +64,8 @@ mod tests {
     fn lengths_and_corners_give_the_same_shape() {
         let mut random = chladni_base::SplitMix64::new(5);
         for _ in 0..1000 {
-            let p: [[f64; 3]; 3] = std::array::from_fn(|_| std::array::from_fn(|_| random.unit()));
-            let length = |a: usize, b: usize| (0..3).map(|k| (p[a][k] - p[b][k]).powi(2)).sum::<f64>().sqrt();
+            let p: [Vector3; 3] = std::array::from_fn(|_| Vector3(std::array::from_fn(|_| random.unit())));
+            let length = |a: usize, b: usize| (p[a] - p[b]).norm();
             let from_lengths = TriangleShape::of_lengths([length(0, 1), length(1, 2), length(2, 0)]);
             let from_corners = TriangleShape::of_corners(p);
             let size = from_corners.half_cotangents.iter().fold(1.0f64, |m, c| m.max(c.abs()));

@@ -1,10 +1,11 @@
 //! The tufted cover: two copies of every face, back to back, glued to the neighbours that they face. Whatever the mesh,
 //! each edge of the cover has two sides, and it has no boundary (Sharp and Crane 2020, section 3).
 
+use chladni_base::Vector3;
 use chladni_base::parallel::*;
 use std::cmp::Ordering;
 
-use super::{CoverError, IntrinsicTriangulation, Rim, TriangleShape, distance, proper_faces};
+use super::{CoverError, IntrinsicTriangulation, Rim, TriangleShape, proper_faces};
 use crate::TriangleMesh;
 use crate::connected::components;
 use crate::topology::{EdgeTable, MOST_FACES, apex, half_edge, runs_down};
@@ -55,8 +56,8 @@ impl IntrinsicTriangulation {
                 around.clear();
                 around.extend(records.iter().map(|&record| (0.0, record)));
                 if records.len() > 2 {
-                    let apexes = records.iter().map(|&r| mesh.positions[apex(&faces, half_edge(r)) as usize]);
-                    let angles = angles(mesh.positions[low as usize], mesh.positions[high as usize], apexes);
+                    let apexes = records.iter().map(|&r| mesh.point(apex(&faces, half_edge(r))));
+                    let angles = angles(mesh.point(low), mesh.point(high), apexes);
                     around.iter_mut().zip(angles).for_each(|(entry, angle)| entry.0 = angle);
                     around.sort_by(|a: &(f64, u64), b| {
                         a.0.total_cmp(&b.0).then_with(|| stacked(&faces, low, high, a.1, b.1))
@@ -93,12 +94,12 @@ fn stacked(faces: &[[u32; 3]], low: u32, high: u32, a: u64, b: u64) -> Ordering 
 }
 
 fn lengths(mesh: &TriangleMesh, faces: &[[u32; 3]], scale: f64) -> Vec<[f64; 3]> {
-    let at = |v: u32| mesh.positions[v as usize].map(|x| x * scale);
+    let at = |v: u32| mesh.point(v) * scale;
     faces
         .par_iter()
         .map(|&face| {
             let [p, q, r] = face.map(at);
-            [distance(p, q), distance(q, r), distance(r, p)]
+            [(p - q).norm(), (q - r).norm(), (r - p).norm()]
         })
         .collect()
 }
@@ -157,24 +158,17 @@ fn flatness([a, b, c]: [f64; 3]) -> f64 {
 
 /// Numbers that grow with the angles of `points` around the axis from `low` to `high`, seen from its end, starting at
 /// the first; zeros where there is no axis.
-fn angles(low: [f64; 3], high: [f64; 3], points: impl Iterator<Item = [f64; 3]>) -> Vec<f64> {
-    let minus = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
-    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    let axis = minus(high, low);
-    let length = dot(axis, axis);
-    let axis = axis.map(|x| if length > 0.0 { x / length.sqrt() } else { 0.0 });
-    let mut first: Option<[[f64; 3]; 2]> = None;
+fn angles(low: Vector3, high: Vector3, points: impl Iterator<Item = Vector3>) -> Vec<f64> {
+    let axis = high - low;
+    let length = axis.norm_squared();
+    let axis = if length > 0.0 { axis / length.sqrt() } else { Vector3::ZERO };
+    let mut first: Option<[Vector3; 2]> = None;
     points
         .map(|point| {
-            let d = minus(point, low);
-            let along = dot(d, axis);
-            let d = minus(d, axis.map(|x| x * along));
-            let [x, y] = *first.get_or_insert_with(|| {
-                let turned =
-                    [axis[1] * d[2] - axis[2] * d[1], axis[2] * d[0] - axis[0] * d[2], axis[0] * d[1] - axis[1] * d[0]];
-                [d, turned]
-            });
-            pseudo_angle(dot(d, x), dot(d, y))
+            let d = point - low;
+            let d = d - axis * d.dot(axis);
+            let [x, y] = *first.get_or_insert_with(|| [d, axis.cross(d)]);
+            pseudo_angle(d.dot(x), d.dot(y))
         })
         .collect()
 }

@@ -1,6 +1,6 @@
 //! The plane that fits some points best.
 
-type Vector = [f64; 3];
+use chladni_base::Vector3;
 
 /// Sweeps after which rotations have converged: they do so quadratically.
 const SWEEPS: usize = 12;
@@ -8,13 +8,12 @@ const SWEEPS: usize = 12;
 /// Two orthonormal vectors that span the plane through the centre of some vectors and the origin with the least squared
 /// distance from them (principal component analysis), and the share of that distance in all of the variance: 0 in a
 /// plane, 1/3 where it is as much in any direction.
-pub(super) fn fitted(vectors: &[Vector]) -> ([Vector; 2], f64) {
+pub(super) fn fitted(vectors: &[Vector3]) -> ([Vector3; 2], f64) {
     let count = vectors.len() as f64 + 1.0;
-    let mut centre = [0.0; 3];
-    vectors.iter().for_each(|v| (0..3).for_each(|i| centre[i] += v[i] / count));
+    let centre: Vector3 = vectors.iter().map(|&v| v / count).sum();
     let mut spread = [[0.0; 3]; 3];
-    for v in vectors.iter().chain(std::iter::once(&[0.0; 3])) {
-        let d: Vector = std::array::from_fn(|i| v[i] - centre[i]);
+    for &v in vectors.iter().chain([&Vector3::ZERO]) {
+        let d = v - centre;
         for i in 0..3 {
             for j in i..3 {
                 spread[i][j] += d[i] * d[j];
@@ -30,8 +29,8 @@ pub(super) fn fitted(vectors: &[Vector]) -> ([Vector; 2], f64) {
 }
 
 /// The eigenvalues and unit eigenvectors of a symmetric matrix, given by its upper triangle, by Jacobi's rotations.
-fn principal_axes(mut a: [[f64; 3]; 3]) -> ([f64; 3], [Vector; 3]) {
-    let mut axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+fn principal_axes(mut a: [[f64; 3]; 3]) -> ([f64; 3], [Vector3; 3]) {
+    let mut axes = Vector3::AXES;
     for _ in 0..SWEEPS {
         let off = a[0][1] * a[0][1] + a[0][2] * a[0][2] + a[1][2] * a[1][2];
         let on = a[0][0] * a[0][0] + a[1][1] * a[1][1] + a[2][2] * a[2][2];
@@ -56,11 +55,7 @@ fn principal_axes(mut a: [[f64; 3]; 3]) -> ([f64; 3], [Vector; 3]) {
             let (x, y) = (a[pi][pj], a[qi][qj]);
             a[pi][pj] = cosine * x - sine * y;
             a[qi][qj] = sine * x + cosine * y;
-            for i in 0..3 {
-                let (x, y) = (axes[p][i], axes[q][i]);
-                axes[p][i] = cosine * x - sine * y;
-                axes[q][i] = sine * x + cosine * y;
-            }
+            (axes[p], axes[q]) = (cosine * axes[p] - sine * axes[q], sine * axes[p] + cosine * axes[q]);
         }
     }
     ([a[0][0], a[1][1], a[2][2]], axes)
@@ -71,10 +66,6 @@ mod tests {
     use super::*;
     use chladni_base::SplitMix64;
 
-    fn dot(a: Vector, b: Vector) -> f64 {
-        a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-    }
-
     #[test]
     fn axes_are_orthonormal_and_turn_the_matrix_into_a_diagonal() {
         let mut random = SplitMix64::new(4);
@@ -84,10 +75,10 @@ mod tests {
             let (values, axes) = principal_axes(matrix);
             for i in 0..3 {
                 for j in 0..3 {
-                    let image: Vector = std::array::from_fn(|k| dot(matrix[k], axes[j]));
+                    let image = Vector3(matrix.map(|row| Vector3(row).dot(axes[j])));
                     let wanted = if i == j { (1.0, values[i]) } else { (0.0, 0.0) };
-                    assert!((dot(axes[i], axes[j]) - wanted.0).abs() < 1e-14);
-                    assert!((dot(axes[i], image) - wanted.1).abs() < 1e-14);
+                    assert!((axes[i].dot(axes[j]) - wanted.0).abs() < 1e-14);
+                    assert!((axes[i].dot(image) - wanted.1).abs() < 1e-14);
                 }
             }
         }
@@ -96,18 +87,18 @@ mod tests {
     #[test]
     fn points_of_a_plane_are_fitted_wherever_it_lies() {
         let mut random = SplitMix64::new(9);
-        let normal = [2.0 / 7.0, 3.0 / 7.0, 6.0 / 7.0];
-        let (x, y) = ([3.0 / 7.0, -6.0 / 7.0, 2.0 / 7.0], [6.0 / 7.0, 2.0 / 7.0, -3.0 / 7.0]);
-        let vectors: Vec<Vector> = (0..30)
+        let normal = Vector3::new(2.0, 3.0, 6.0) / 7.0;
+        let (x, y) = (Vector3::new(3.0, -6.0, 2.0) / 7.0, Vector3::new(6.0, 2.0, -3.0) / 7.0);
+        let vectors: Vec<Vector3> = (0..30)
             .map(|_| {
                 let (s, t) = (random.unit() + 5.0, random.unit());
-                std::array::from_fn(|i| s * x[i] + t * y[i])
+                s * x + t * y
             })
             .collect();
         let (axes, off) = fitted(&vectors);
         assert!(off.abs() < 1e-14);
         for axis in axes {
-            assert!(dot(axis, normal).abs() < 1e-14);
+            assert!(axis.dot(normal).abs() < 1e-14);
         }
     }
 }

@@ -6,6 +6,8 @@
 //! two of them have to have it for their own. So which one it is, is asked of the [four points in space](super::quad),
 //! where the answer is the same for all of them.
 
+use chladni_base::Vector3;
+
 use super::tree::{Nearest, PointTree};
 use super::{NEIGHBOURS, plane, quad};
 
@@ -32,7 +34,7 @@ struct Seen {
 #[derive(Default)]
 pub(super) struct Scratch {
     nearest: Nearest,
-    vectors: Vec<[f64; 3]>,
+    vectors: Vec<Vector3>,
     seen: Vec<Seen>,
     star: Vec<[usize; 2]>,
 }
@@ -50,15 +52,14 @@ impl Scratch {
         let origin = positions[point as usize];
         tree.nearest_after(origin, Some(point), NEIGHBOURS, &mut self.nearest);
         self.vectors.clear();
-        let away = |&(_, other): &(f64, u32)| std::array::from_fn(|i| positions[other as usize][i] - origin[i]);
+        let away = |&(_, other): &(f64, u32)| Vector3(positions[other as usize]) - Vector3(origin);
         self.vectors.extend(self.nearest.found().iter().map(away));
         let ([x, y], off) = plane::fitted(&self.vectors);
-        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
         self.seen.clear();
         let numbers = self.nearest.found().iter().map(|&(_, other)| other);
         self.seen.extend(numbers.zip(&self.vectors).map(|(point, &v)| Seen {
             point,
-            at: [dot(x, v), dot(y, v)],
+            at: [x.dot(v), y.dot(v)],
             angle: 0.0,
         }));
         self.star.clear();

@@ -1,5 +1,6 @@
 //! The nearest points: a tree of halves.
 
+use chladni_base::Vector3;
 use chladni_base::parallel::*;
 
 /// Points of a leaf, at most.
@@ -129,8 +130,7 @@ impl PointTree {
     /// The same where `nearest` still has those of another place, not far away: none of the wanted ones is farther than
     /// the farthest of these and the way there. Known beforehand, that saves keeping the nearest so far in order.
     pub fn nearest_after(&self, place: [f64; 3], except: Option<u32>, most: usize, nearest: &mut Nearest) {
-        let square = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>();
-        let (farthest, way) = (nearest.farthest().sqrt(), square(place, nearest.place).sqrt());
+        let (farthest, way) = (nearest.farthest().sqrt(), (Vector3(place) - Vector3(nearest.place)).norm());
         let bound = (farthest + way).powi(2) * (1.0 + BEYOND);
         // Of those there this place itself may be one, and that place may be one of those here.
         let known = nearest.most == most && nearest.found.len() == most && way <= farthest && bound > 0.0;
@@ -157,7 +157,7 @@ impl PointTree {
         while let Some(Open { level, node, start, end, beyond }) = open.pop() {
             let Some(splits) = self.levels.get(level) else {
                 for entry in &self.entries[start..end] {
-                    let square = (0..3).map(|i| (entry.at[i] - place[i]).powi(2)).sum();
+                    let square = (Vector3(entry.at) - Vector3(place)).norm_squared();
                     if square <= bound && Some(entry.point) != except {
                         found.push((square, entry.point));
                     }
@@ -211,7 +211,7 @@ impl PointTree {
         }
         let Some(splits) = self.levels.get(level) else {
             for entry in &self.entries[start..end] {
-                let square = (0..3).map(|i| (entry.at[i] - place[i]).powi(2)).sum();
+                let square = (Vector3(entry.at) - Vector3(place)).norm_squared();
                 if square <= nearest.farthest() && Some(entry.point) != except {
                     nearest.offer(square, entry.point);
                 }
@@ -301,7 +301,7 @@ mod tests {
                     .filter(|&other| other != point)
                     .map(|other| {
                         let (p, q) = (positions[point as usize], positions[other as usize]);
-                        ((0..3).map(|i| (p[i] - q[i]).powi(2)).sum(), other)
+                        ((Vector3(p) - Vector3(q)).norm_squared(), other)
                     })
                     .collect();
                 all.sort_by(|a, b| a.partial_cmp(b).unwrap());

@@ -1,5 +1,7 @@
 //! Where the nodes of a glTF file stand.
 
+use chladni_base::Vector3;
+
 use super::error::ReadError;
 use super::gltf::{Document, Node, refuse};
 
@@ -43,9 +45,8 @@ impl Matrix {
 
     /// Whether left becomes right, so that triangles have to be turned over.
     pub fn mirrors(&self) -> bool {
-        let Self([a, b, c, _]) = self;
-        let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-        cross[0] * c[0] + cross[1] * c[1] + cross[2] * c[2] < 0.0
+        let [a, b, c, _] = self.0.map(Vector3);
+        a.cross(b).dot(c) < 0.0
     }
 }
 

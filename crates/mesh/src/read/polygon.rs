@@ -1,6 +1,8 @@
 //! Triangulating polygons: quadrilaterals by the diagonal that inverts nothing, larger ones by a fan where they are
 //! convex and by clipping ears where they are not.
 
+use chladni_base::Vector3;
+
 use super::builder::Fan;
 
 /// Polygons of more corners keep their fan: clipping ears takes quadratic time.
@@ -32,28 +34,16 @@ pub(super) fn triangulate(
     }
 }
 
-fn subtract(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
 /// Keeps the diagonal from the first corner unless its triangles look away from each other (or one has no area) and
 /// those of the other diagonal do not.
 fn split_quadrilateral(positions: &[[f64; 3]], faces: &mut [[u32; 3]], names: Option<&mut [[u32; 3]]>) {
     let [[a, b, c], [_, _, d]] = *faces else { return };
     let agreement = |first: [u32; 3], second: [u32; 3]| {
         let normal = |[i, j, k]: [u32; 3]| {
-            let origin = positions[i as usize];
-            cross(subtract(positions[j as usize], origin), subtract(positions[k as usize], origin))
+            let [p, q, r] = [i, j, k].map(|v| Vector3(positions[v as usize]));
+            (q - p).cross(r - p)
         };
-        dot(normal(first), normal(second))
+        normal(first).dot(normal(second))
     };
     if agreement([a, b, c], [a, c, d]) <= 0.0 && agreement([a, b, d], [b, c, d]) > 0.0 {
         faces.copy_from_slice(&[[a, b, d], [b, c, d]]);
@@ -134,15 +124,10 @@ impl Clipper {
 
     /// Drops the coordinate in which the polygon is thinnest, so that its orientation is counter-clockwise.
     fn project(&mut self, positions: &[[f64; 3]]) -> bool {
-        let origin = positions[self.corners[0] as usize];
-        let mut normal = [0.0; 3];
-        for pair in self.corners.windows(2) {
-            let (p, q) = (subtract(positions[pair[0] as usize], origin), subtract(positions[pair[1] as usize], origin));
-            let term = cross(p, q);
-            for k in 0..3 {
-                normal[k] += term[k];
-            }
-        }
+        let at = |corner: u32| Vector3(positions[corner as usize]);
+        let origin = at(self.corners[0]);
+        let normal: Vector3 =
+            self.corners.windows(2).map(|pair| (at(pair[0]) - origin).cross(at(pair[1]) - origin)).sum();
         let size = normal.map(f64::abs);
         let largest = if size[0] >= size[1] && size[0] >= size[2] {
             0
@@ -151,7 +136,7 @@ impl Clipper {
         } else {
             2
         };
-        if !(size[largest] > 0.0 && normal.iter().all(|x| x.is_finite())) {
+        if !(size[largest] > 0.0 && normal.is_finite()) {
             return false;
         }
         let (mut u, mut v) = ((largest + 1) % 3, (largest + 2) % 3);
@@ -160,7 +145,7 @@ impl Clipper {
         }
         self.points.clear();
         for &corner in &self.corners {
-            let p = subtract(positions[corner as usize], origin);
+            let p = at(corner) - origin;
             self.points.push([p[u], p[v]]);
         }
         true
@@ -218,18 +203,18 @@ mod tests {
             .unwrap()
     }
 
-    fn normals(mesh: &RawMesh) -> Vec<[f64; 3]> {
-        let p = |v: u32| mesh.positions[v as usize];
-        mesh.faces.iter().map(|&[a, b, c]| cross(subtract(p(b), p(a)), subtract(p(c), p(a)))).collect()
+    fn normals(mesh: &RawMesh) -> Vec<Vector3> {
+        let p = |v: u32| Vector3(mesh.positions[v as usize]);
+        mesh.faces.iter().map(|&[a, b, c]| (p(b) - p(a)).cross(p(c) - p(a))).collect()
     }
 
     /// All triangles look the same way and their areas add up to `area`.
     fn assert_tiles(mesh: &RawMesh, corners: usize, area: f64) {
         assert_eq!(mesh.faces.len(), corners - 2);
         let normals = normals(mesh);
-        let total = normals.iter().fold([0.0; 3], |s, n| [s[0] + n[0], s[1] + n[1], s[2] + n[2]]);
-        let lengths: f64 = normals.iter().map(|&n| dot(n, n).sqrt()).sum();
-        assert!((dot(total, total).sqrt() / 2.0 - area).abs() < 1e-9 * area);
+        let total: Vector3 = normals.iter().copied().sum();
+        let lengths: f64 = normals.iter().map(|n| n.norm()).sum();
+        assert!((total.norm() / 2.0 - area).abs() < 1e-9 * area);
         assert!((lengths / 2.0 - area).abs() < 1e-9 * area, "{} against {area}", lengths / 2.0);
     }
 

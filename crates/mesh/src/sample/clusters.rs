@@ -1,7 +1,7 @@
 //! Clusters of vertices: a large mesh seen from afar, where samples are spread at a fraction of the cost.
 
 use chladni_base::SplitMix64;
-use chladni_base::{Cancelled, Monitor};
+use chladni_base::{Cancelled, Monitor, Vector3};
 
 use super::farthest::{Front, farthest_points};
 use super::lloyd::{NO_CELL, lloyd};
@@ -22,7 +22,7 @@ pub(super) struct Clusters {
     /// The cluster of each vertex.
     of: Vec<u32>,
     /// The centre of mass of each cluster, and the mass.
-    centres: Vec<[f64; 3]>,
+    centres: Vec<Vector3>,
     masses: Vec<f64>,
     /// Which clusters touch; lengths are the distances of their centres.
     graph: Connectivity,
@@ -47,15 +47,15 @@ impl Clusters {
         if clusters < 4 * count {
             return Ok(None);
         }
-        let mut sums = vec![([0.0f64; 3], 0.0f64, [0.0f64; 3]); clusters];
-        for ((&cluster, p), &mass) in of.iter().zip(&mesh.positions).zip(masses) {
+        let mut sums = vec![(Vector3::ZERO, 0.0f64, Vector3::ZERO); clusters];
+        for ((&cluster, &p), &mass) in of.iter().zip(mesh.points()).zip(masses) {
             let (sum, total, any) = &mut sums[cluster as usize];
-            (0..3).for_each(|k| sum[k] += mass * p[k]);
+            *sum += mass * p;
             *total += mass;
-            *any = *p;
+            *any = p;
         }
-        let centres: Vec<[f64; 3]> =
-            sums.iter().map(|&(sum, total, any)| if total > 0.0 { sum.map(|x| x / total) } else { any }).collect();
+        let centres: Vec<Vector3> =
+            sums.iter().map(|&(sum, total, any)| if total > 0.0 { sum / total } else { any }).collect();
         let graph = touching(connectivity, &of, &centres);
         Ok(Some(Self { of, centres, masses: sums.iter().map(|s| s.1).collect(), graph }))
     }
@@ -72,19 +72,19 @@ impl Clusters {
         monitor: &dyn Monitor,
     ) -> Result<Vec<u32>, Cancelled> {
         let samples = farthest_points(&self.graph, count, seed, monitor)?;
-        let samples = lloyd(&self.centres, &self.graph, &self.masses, samples, moves, monitor)?;
+        let samples = lloyd(Vector3::arrays(&self.centres), &self.graph, &self.masses, samples, moves, monitor)?;
         let cells = super::voronoi_cells(&self.graph, &samples, monitor)?;
-        let mut sums = vec![([0.0f64; 3], 0.0f64); samples.len()];
-        for ((&cluster, p), &mass) in self.of.iter().zip(&mesh.positions).zip(masses) {
+        let mut sums = vec![(Vector3::ZERO, 0.0f64); samples.len()];
+        for ((&cluster, &p), &mass) in self.of.iter().zip(mesh.points()).zip(masses) {
             if let Some((sum, total)) = sums.get_mut(cells[cluster as usize] as usize) {
-                (0..3).for_each(|k| sum[k] += mass * p[k]);
+                *sum += mass * p;
                 *total += mass;
             }
         }
-        let goals: Vec<[f64; 3]> = sums
+        let goals: Vec<Vector3> = sums
             .iter()
             .zip(&samples)
-            .map(|(&(sum, total), &s)| if total > 0.0 { sum.map(|x| x / total) } else { self.centres[s as usize] })
+            .map(|(&(sum, total), &s)| if total > 0.0 { sum / total } else { self.centres[s as usize] })
             .collect();
         Ok(nearest(mesh, |v| cells[self.of[v] as usize], &goals))
     }
@@ -118,12 +118,12 @@ impl Clusters {
 }
 
 /// For each group the vertex of it that is nearest to the goal of the group. No group is empty.
-fn nearest(mesh: &TriangleMesh, group: impl Fn(usize) -> u32, goals: &[[f64; 3]]) -> Vec<u32> {
+fn nearest(mesh: &TriangleMesh, group: impl Fn(usize) -> u32, goals: &[Vector3]) -> Vec<u32> {
     let mut best = vec![(f64::INFINITY, 0u32); goals.len()];
-    for (v, p) in mesh.positions.iter().enumerate() {
+    for (v, &p) in mesh.points().iter().enumerate() {
         let group = group(v) as usize;
-        if let (Some(goal), Some(best)) = (goals.get(group), best.get_mut(group)) {
-            let square: f64 = (0..3).map(|k| (p[k] - goal[k]).powi(2)).sum();
+        if let (Some(&goal), Some(best)) = (goals.get(group), best.get_mut(group)) {
+            let square = (p - goal).norm_squared();
             if square < best.0 {
                 *best = (square, v as u32);
             }
@@ -178,7 +178,7 @@ fn grow(
 }
 
 /// The graph of clusters that share an edge of the mesh.
-fn touching(connectivity: &Connectivity, of: &[u32], centres: &[[f64; 3]]) -> Connectivity {
+fn touching(connectivity: &Connectivity, of: &[u32], centres: &[Vector3]) -> Connectivity {
     let mut pairs: Vec<u64> = Vec::new();
     let mut last = 0;
     for v in 0..of.len() as u32 {
@@ -204,7 +204,7 @@ fn touching(connectivity: &Connectivity, of: &[u32], centres: &[[f64; 3]]) -> Co
     }
     let length = |&pair: &u64| {
         let (p, q) = (centres[(pair >> 32) as usize], centres[pair as u32 as usize]);
-        (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>().sqrt()
+        (p - q).norm()
     };
     let lengths = pairs.iter().map(length).collect();
     Connectivity::from_graph(offsets, pairs.iter().map(|&pair| pair as u32).collect(), lengths)

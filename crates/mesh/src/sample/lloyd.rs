@@ -1,6 +1,6 @@
 //! Lloyd's moves: samples go to the middle of the vertices that they are closest to.
 
-use chladni_base::{Cancelled, Monitor};
+use chladni_base::{Cancelled, Monitor, Vector3};
 
 use super::typical_edge;
 use crate::connectivity::Connectivity;
@@ -75,22 +75,23 @@ pub fn lloyd(
     moves: usize,
     monitor: &dyn Monitor,
 ) -> Result<Vec<u32>, Cancelled> {
+    let points = Vector3::slice(positions);
     let lengths = connectivity.scaled_lengths(connectivity.longest_edge());
     for _ in 0..moves {
         let cells = cells(connectivity, &lengths, &samples, monitor)?;
-        let mut centres = vec![([0.0f64; 3], 0.0f64); samples.len()];
-        for ((&cell, p), &mass) in cells.iter().zip(positions).zip(masses) {
+        let mut centres = vec![(Vector3::ZERO, 0.0f64); samples.len()];
+        for ((&cell, &p), &mass) in cells.iter().zip(points).zip(masses) {
             if let Some((sum, total)) = centres.get_mut(cell as usize) {
-                (0..3).for_each(|k| sum[k] += mass * p[k]);
+                *sum += mass * p;
                 *total += mass;
             }
         }
         let mut nearest = vec![f64::INFINITY; samples.len()];
-        for (v, (&cell, p)) in cells.iter().zip(positions).enumerate() {
+        for (v, (&cell, &p)) in cells.iter().zip(points).enumerate() {
             let Some(&(sum, total)) = centres.get(cell as usize) else { continue };
             // A cell without mass keeps its sample.
             if total > 0.0 {
-                let square: f64 = (0..3).map(|k| (p[k] - sum[k] / total).powi(2)).sum();
+                let square = (p - sum / total).norm_squared();
                 if square < nearest[cell as usize] {
                     nearest[cell as usize] = square;
                     samples[cell as usize] = v as u32;

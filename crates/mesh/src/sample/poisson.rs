@@ -1,7 +1,7 @@
 //! Constrained Poisson-disk sampling on the vertices of a mesh (Corsini, Cignoni and Scopigno 2012).
 
 use chladni_base::SplitMix64;
-use chladni_base::{Cancelled, Monitor};
+use chladni_base::{Cancelled, Monitor, Vector3};
 
 use super::clusters::Clusters;
 use super::farthest::extend_farthest_points;
@@ -176,13 +176,8 @@ impl Grid {
             }
             cells[i].around = begin..neighbours.len();
         }
-        let candidates = keyed
-            .iter()
-            .map(|&(_, v)| {
-                let p = mesh.positions[v as usize];
-                ([0, 1, 2].map(|k| ((p[k] - corner[k]) / radius) as f32), v)
-            })
-            .collect();
+        let candidates =
+            keyed.iter().map(|&(_, v)| (((mesh.point(v) - Vector3(corner)) / radius).map(|x| x as f32), v)).collect();
         Self { candidates, cells, neighbours }
     }
 

@@ -35,8 +35,7 @@ fn sample(sampler: Sampler, mesh: &TriangleMesh, count: usize, seed: u64) -> Vec
 }
 
 fn straight(mesh: &TriangleMesh, a: u32, b: u32) -> f64 {
-    let (p, q) = (mesh.positions[a as usize], mesh.positions[b as usize]);
-    (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>().sqrt()
+    (mesh.point(a) - mesh.point(b)).norm()
 }
 
 fn least_spacing(mesh: &TriangleMesh, samples: &[u32]) -> f64 {

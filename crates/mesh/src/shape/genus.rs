@@ -3,6 +3,7 @@
 use super::{TORUS_MAJOR_RADIUS, TORUS_MINOR_RADIUS};
 use crate::TriangleMesh;
 use crate::topology::{EdgeTable, Topology};
+use chladni_base::Vector3;
 use chladni_base::parallel::*;
 
 /// How far apart two surfaces are where they begin to blend.
@@ -80,7 +81,7 @@ struct Rings {
 
 impl Rings {
     /// A function that is negative inside and changes no faster than distance, and its gradient.
-    fn value(&self, p: [f64; 3]) -> (f64, [f64; 3]) {
+    fn value(&self, p: [f64; 3]) -> (f64, Vector3) {
         let spacing = 2.0 * TORUS_MAJOR_RADIUS;
         let last = f64::from(self.count - 1);
         let nearest = (p[0] / spacing + last / 2.0).round().clamp(0.0, last);
@@ -97,19 +98,20 @@ impl Rings {
 }
 
 /// The distance to a torus around the z axis and its gradient.
-fn ring([x, y, z]: [f64; 3]) -> (f64, [f64; 3]) {
+fn ring([x, y, z]: [f64; 3]) -> (f64, Vector3) {
     let around = (x * x + y * y).sqrt().max(1e-12);
     let out = around - TORUS_MAJOR_RADIUS;
     let distance = (out * out + z * z).sqrt().max(1e-12);
-    (distance - TORUS_MINOR_RADIUS, [out / distance * x / around, out / distance * y / around, z / distance])
+    let gradient = Vector3::new(out / distance * x / around, out / distance * y / around, z / distance);
+    (distance - TORUS_MINOR_RADIUS, gradient)
 }
 
 /// The union of two solids, rounded with continuous curvature where they meet (Quilez's cubic smooth minimum).
-fn union(a: (f64, [f64; 3]), b: (f64, [f64; 3])) -> (f64, [f64; 3]) {
+fn union(a: (f64, Vector3), b: (f64, Vector3)) -> (f64, Vector3) {
     let (near, far) = if a.0 < b.0 { (a, b) } else { (b, a) };
     let overlap = ((BLEND - (far.0 - near.0)) / BLEND).max(0.0);
     let share = overlap * overlap / 2.0;
-    let gradient = std::array::from_fn(|x| near.1[x] + share * (far.1[x] - near.1[x]));
+    let gradient = near.1 + share * (far.1 - near.1);
     (near.0 - overlap.powi(3) * BLEND / 6.0, gradient)
 }
 
@@ -118,8 +120,8 @@ fn project(rings: &Rings, positions: &mut [[f64; 3]]) {
     positions.par_iter_mut().with_min_len(1 << 12).for_each(|p| {
         for _ in 0..3 {
             let (value, gradient) = rings.value(*p);
-            let square: f64 = gradient.iter().map(|g| g * g).sum();
-            *p = std::array::from_fn(|x| p[x] - value * gradient[x] / square.max(1e-3));
+            let square = gradient.norm_squared();
+            *p = (Vector3(*p) - value * gradient / square.max(1e-3)).into();
         }
     });
 }
@@ -141,18 +143,18 @@ fn smooth<const CORNERS: usize>(rings: &Rings, positions: &mut Vec<[f64; 3]>, fa
     }
     positions.par_iter_mut().zip(&sums).with_min_len(1 << 12).for_each(|(p, sum)| {
         let (_, gradient) = rings.value(*p);
-        let square: f64 = gradient.iter().map(|g| g * g).sum();
-        let pull: [f64; 3] = std::array::from_fn(|x| 0.6 * (sum[x] / sum[3].max(1.0) - p[x]));
-        let off = (0..3).map(|x| pull[x] * gradient[x]).sum::<f64>() / square.max(1e-3);
-        *p = std::array::from_fn(|x| p[x] + pull[x] - off * gradient[x]);
+        let square = gradient.norm_squared();
+        let (at, [x, y, z, count]) = (Vector3(*p), *sum);
+        let pull = 0.6 * (Vector3::new(x, y, z) / count.max(1.0) - at);
+        let off = pull.dot(gradient) / square.max(1e-3);
+        *p = (at + pull - off * gradient).into();
     });
     project(rings, positions);
 }
 
 /// Two triangles for a quadrilateral, cut along the shorter diagonal.
 fn cut(positions: &[[f64; 3]], [a, b, c, d]: [u32; 4]) -> [[u32; 3]; 2] {
-    let square =
-        |v: u32, w: u32| (0..3).map(|x| (positions[v as usize][x] - positions[w as usize][x]).powi(2)).sum::<f64>();
+    let square = |v: u32, w: u32| (Vector3(positions[v as usize]) - Vector3(positions[w as usize])).norm_squared();
     if square(a, c) <= square(b, d) { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] }
 }
 

@@ -2,22 +2,23 @@
 
 use super::{KNOT_TUBE_RADIUS, TORUS_MAJOR_RADIUS, TORUS_MINOR_RADIUS};
 use crate::TriangleMesh;
+use chladni_base::Vector3;
 use std::f64::consts::TAU;
 
 /// Points of a closed curve at equal steps, each with two unit vectors that span the plane across it. The angle around
 /// the tube runs from the first to the second, and `first × tangent = second`.
 struct Frame {
-    centre: [f64; 3],
-    first: [f64; 3],
-    second: [f64; 3],
+    centre: Vector3,
+    first: Vector3,
+    second: Vector3,
 }
 
 pub(super) fn torus(vertices: usize) -> TriangleMesh {
     let (rows, columns) = pattern(TAU * TORUS_MAJOR_RADIUS, TAU * TORUS_MINOR_RADIUS, vertices);
     let frames = (0..2 * columns).map(|i| {
         let (sin, cos) = (TAU * i as f64 / (2 * columns) as f64).sin_cos();
-        let centre = [TORUS_MAJOR_RADIUS * cos, TORUS_MAJOR_RADIUS * sin, 0.0];
-        Frame { centre, first: [cos, sin, 0.0], second: [0.0, 0.0, 1.0] }
+        let centre = Vector3::new(TORUS_MAJOR_RADIUS * cos, TORUS_MAJOR_RADIUS * sin, 0.0);
+        Frame { centre, first: Vector3::new(cos, sin, 0.0), second: Vector3::AXES[2] }
     });
     tube(&frames.collect::<Vec<_>>(), rows, TORUS_MINOR_RADIUS)
 }
@@ -46,9 +47,13 @@ fn tube(frames: &[Frame], rows: usize, radius: f64) -> TriangleMesh {
     let mut positions = Vec::with_capacity(rows * columns);
     for j in 0..rows {
         let (sin, cos) = (TAU * j as f64 / rows as f64).sin_cos();
-        positions.extend(frames.iter().skip(j % 2).step_by(2).map(|frame| -> [f64; 3] {
-            std::array::from_fn(|x| frame.centre[x] + radius * (cos * frame.first[x] + sin * frame.second[x]))
-        }));
+        positions.extend(
+            frames
+                .iter()
+                .skip(j % 2)
+                .step_by(2)
+                .map(|frame| -> [f64; 3] { (frame.centre + radius * (cos * frame.first + sin * frame.second)).into() }),
+        );
     }
     let mut faces = Vec::with_capacity(2 * rows * columns);
     for j in 0..rows {
@@ -70,22 +75,22 @@ struct Curve {
     /// Arc length up to each sample and, last, the whole.
     lengths: Vec<f64>,
     /// The first frame vector at each sample and, last, after one turn.
-    normals: Vec<[f64; 3]>,
+    normals: Vec<Vector3>,
 }
 
 impl Curve {
     fn new(samples: usize) -> Self {
         let parameter = |i: usize| TAU * i as f64 / samples as f64;
         let mut lengths = vec![0.0];
-        let mut normals = vec![unit(cross(tangent(0.0), [0.0, 0.0, 1.0]))];
+        let mut normals = vec![unit(tangent(0.0).cross(Vector3::AXES[2]))];
         for i in 0..samples {
             let (t, u) = (parameter(i), parameter(i + 1));
             // Simpson's rule for the arc, a double reflection for the frame (Wang et al. 2008).
-            let speed = [t, (t + u) / 2.0, u].map(|t| norm(velocity(t)));
+            let speed = [t, (t + u) / 2.0, u].map(|t| velocity(t).norm());
             lengths.push(lengths[i] + (speed[0] + 4.0 * speed[1] + speed[2]) / 6.0 * (u - t));
-            let chord = sub(point(u), point(t));
+            let chord = point(u) - point(t);
             let (normal, forward) = (reflect(normals[i], chord), reflect(tangent(t), chord));
-            normals.push(reflect(normal, sub(tangent(u), forward)));
+            normals.push(reflect(normal, tangent(u) - forward));
         }
         Self { lengths, normals }
     }
@@ -99,8 +104,8 @@ impl Curve {
     fn frames(&self, count: usize) -> Vec<Frame> {
         let samples = self.lengths.len() - 1;
         let (start, end) = (self.normals[0], self.normals[samples]);
-        let sideways = cross(start, tangent(0.0));
-        let miss = dot(end, sideways).atan2(dot(end, start));
+        let sideways = start.cross(tangent(0.0));
+        let miss = end.dot(sideways).atan2(end.dot(start));
         let frames = (0..count).map(|i| {
             let share = i as f64 / count as f64;
             let length = share * self.length();
@@ -110,58 +115,42 @@ impl Curve {
             let forward = tangent(t);
             // The normal of the sample before, made square to the exact tangent: samples lie close.
             let rough = self.normals[before];
-            let along = dot(rough, forward);
-            let normal = unit(std::array::from_fn(|x| rough[x] - along * forward[x]));
-            let side = cross(normal, forward);
+            let along = rough.dot(forward);
+            let normal = unit(rough - along * forward);
+            let side = normal.cross(forward);
             let (sin, cos) = (-miss * share).sin_cos();
-            let first: [f64; 3] = std::array::from_fn(|x| cos * normal[x] + sin * side[x]);
-            Frame { centre: point(t), first, second: cross(first, forward) }
+            let first = cos * normal + sin * side;
+            Frame { centre: point(t), first, second: first.cross(forward) }
         });
         frames.collect()
     }
 }
 
-fn point(t: f64) -> [f64; 3] {
+fn point(t: f64) -> Vector3 {
     let ring = 2.0 + (3.0 * t).cos();
-    [ring * (2.0 * t).cos(), ring * (2.0 * t).sin(), (3.0 * t).sin()]
+    Vector3::new(ring * (2.0 * t).cos(), ring * (2.0 * t).sin(), (3.0 * t).sin())
 }
 
-fn velocity(t: f64) -> [f64; 3] {
+fn velocity(t: f64) -> Vector3 {
     let (ring, slope) = (2.0 + (3.0 * t).cos(), -3.0 * (3.0 * t).sin());
     let (sin, cos) = (2.0 * t).sin_cos();
-    [slope * cos - 2.0 * ring * sin, slope * sin + 2.0 * ring * cos, 3.0 * (3.0 * t).cos()]
+    Vector3::new(slope * cos - 2.0 * ring * sin, slope * sin + 2.0 * ring * cos, 3.0 * (3.0 * t).cos())
 }
 
-fn tangent(t: f64) -> [f64; 3] {
+fn tangent(t: f64) -> Vector3 {
     unit(velocity(t))
 }
 
 /// `v` mirrored in the plane across `axis`; `v` itself where `axis` is zero.
-fn reflect(v: [f64; 3], axis: [f64; 3]) -> [f64; 3] {
-    let square = dot(axis, axis);
-    let twice = if square > 0.0 { 2.0 * dot(v, axis) / square } else { 0.0 };
-    std::array::from_fn(|x| v[x] - twice * axis[x])
+fn reflect(v: Vector3, axis: Vector3) -> Vector3 {
+    let square = axis.norm_squared();
+    let twice = if square > 0.0 { 2.0 * v.dot(axis) / square } else { 0.0 };
+    v - twice * axis
 }
 
-fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|x| a[x] - b[x])
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn norm(a: [f64; 3]) -> f64 {
-    dot(a, a).sqrt()
-}
-
-fn unit(a: [f64; 3]) -> [f64; 3] {
-    let length = norm(a);
-    a.map(|x| x / length)
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+/// Of a curve without corners: no vector here is zero.
+fn unit(a: Vector3) -> Vector3 {
+    a / a.norm()
 }
 
 #[cfg(test)]
@@ -171,7 +160,7 @@ mod tests {
     #[test]
     fn the_tube_of_the_knot_does_not_touch_itself() {
         let curve = Curve::new(KNOT_SAMPLES);
-        let centres: Vec<[f64; 3]> = curve.frames(1200).iter().map(|frame| frame.centre).collect();
+        let centres: Vec<Vector3> = curve.frames(1200).iter().map(|frame| frame.centre).collect();
         let length = curve.length();
         let far_apart = 2.0 * TAU * KNOT_TUBE_RADIUS;
         let mut nearest = f64::INFINITY;
@@ -179,7 +168,7 @@ mod tests {
             for j in 0..i {
                 let along = (i - j).min(centres.len() - (i - j)) as f64 * length / centres.len() as f64;
                 if along > far_apart {
-                    nearest = nearest.min(norm(sub(centres[i], centres[j])));
+                    nearest = nearest.min((centres[i] - centres[j]).norm());
                 }
             }
         }
@@ -192,8 +181,8 @@ mod tests {
         let frames = curve.frames(3000);
         for i in 0..frames.len() {
             let (f, next) = (&frames[i], &frames[(i + 1) % frames.len()]);
-            assert!((norm(f.first) - 1.0).abs() < 1e-12 && dot(f.first, f.second).abs() < 1e-12);
-            assert!(dot(f.first, next.first) > 0.9998, "frame {i} turns");
+            assert!((f.first.norm() - 1.0).abs() < 1e-12 && f.first.dot(f.second).abs() < 1e-12);
+            assert!(f.first.dot(next.first) > 0.9998, "frame {i} turns");
         }
     }
 }

@@ -188,16 +188,15 @@ mod tests {
     /// Six times the volume that a closed mesh encloses.
     fn volume(mesh: &TriangleMesh) -> f64 {
         let six = |face: &[u32; 3]| -> f64 {
-            let [p, q, r] = face.map(|v| mesh.positions[v as usize]);
-            p[0] * (q[1] * r[2] - q[2] * r[1]) + p[1] * (q[2] * r[0] - q[0] * r[2]) + p[2] * (q[0] * r[1] - q[1] * r[0])
+            let [p, q, r] = mesh.corners(face);
+            p.dot(q.cross(r))
         };
         mesh.faces.iter().map(six).sum::<f64>() / 6.0
     }
 
     fn sides(mesh: &TriangleMesh, face: &[u32; 3]) -> [f64; 3] {
-        let [p, q, r] = face.map(|v| mesh.positions[v as usize]);
-        let length = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt();
-        [length(p, q), length(q, r), length(r, p)]
+        let [p, q, r] = mesh.corners(face);
+        [(p - q).norm(), (q - r).norm(), (r - p).norm()]
     }
 
     fn area(mesh: &TriangleMesh, face: &[u32; 3]) -> f64 {

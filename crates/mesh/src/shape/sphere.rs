@@ -1,5 +1,7 @@
 //! The sphere from an icosahedron, at any frequency.
 
+use chladni_base::Vector3;
+
 use crate::TriangleMesh;
 
 /// The golden ratio: corners of the icosahedron are the cyclic permutations of `(0, ±1, ±φ)`.
@@ -111,13 +113,10 @@ pub(super) fn sphere(vertices: usize) -> TriangleMesh {
 /// equal area inside, where flat weights would make those in the middle twice as large as those at the corners.
 fn blend(frequency: usize, weights: &[(usize, usize)]) -> [f64; 3] {
     let angle = 2f64.atan();
-    let mut point = [0.0; 3];
+    let mut point = Vector3::ZERO;
     for &(corner, weight) in weights {
         let share = (weight as f64 / frequency as f64 * angle).sin();
-        for axis in 0..3 {
-            point[axis] += share * CORNERS[corner][axis];
-        }
+        point += share * Vector3(CORNERS[corner]);
     }
-    let length = point.iter().map(|x| x * x).sum::<f64>().sqrt();
-    point.map(|x| x / length)
+    (point / point.norm()).into()
 }

@@ -1,6 +1,6 @@
 //! Meshes spoilt on purpose: noise on the positions, and a random numbering.
 
-use chladni_base::SplitMix64;
+use chladni_base::{SplitMix64, Vector3};
 
 use super::ShapeError;
 use crate::TriangleMesh;
@@ -15,15 +15,15 @@ pub fn noisy(mesh: &TriangleMesh, fraction: f64, seed: u64) -> Result<TriangleMe
     }
     let mut random = SplitMix64::new(seed);
     let radius = fraction * mean_edge(mesh);
-    let positions = mesh.positions.iter().map(|position| {
+    let positions = mesh.points().iter().map(|&position| {
         // Points of a cube until one lies in the ball: 1.9 on average.
         let offset = loop {
-            let point: [f64; 3] = std::array::from_fn(|_| random.signed_unit());
-            if point.iter().map(|x| x * x).sum::<f64>() <= 1.0 {
+            let point = Vector3(std::array::from_fn(|_| random.signed_unit()));
+            if point.norm_squared() <= 1.0 {
                 break point;
             }
         };
-        std::array::from_fn(|axis| position[axis] + radius * offset[axis])
+        (position + radius * offset).into()
     });
     Ok(TriangleMesh { positions: positions.collect(), faces: mesh.faces.clone(), ..Default::default() })
 }
@@ -49,9 +49,8 @@ pub fn renumbered(mesh: &TriangleMesh, seed: u64) -> (TriangleMesh, Vec<u32>) {
 /// The mean over faces of the mean side; 0 without faces.
 fn mean_edge(mesh: &TriangleMesh) -> f64 {
     let perimeter = |face: &[u32; 3]| -> f64 {
-        let [p, q, r] = face.map(|v| mesh.positions[v as usize]);
-        let length = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt();
-        length(p, q) + length(q, r) + length(r, p)
+        let [p, q, r] = mesh.corners(face);
+        (p - q).norm() + (q - r).norm() + (r - p).norm()
     };
     let total: f64 = mesh.faces.iter().map(perimeter).sum();
     if mesh.faces.is_empty() { 0.0 } else { total / (3 * mesh.faces.len()) as f64 }

@@ -2,6 +2,8 @@
 
 use std::io::{self, Write};
 
+use chladni_base::Vector3;
+
 use super::{PlyPrecision, check_colours};
 use crate::TriangleMesh;
 use crate::attributes::{Attributes, Labels, NONE};
@@ -185,9 +187,9 @@ fn of_vertices(vertices: usize, faces: &[[u32; 3]], corners: &[[u32; 3]]) -> Opt
 /// For each vertex the normal that its corners have; the mean of unit normals where they have several, zeros where they
 /// have none.
 fn means(vertices: usize, faces: &[[u32; 3]], layer: &crate::attributes::Layer<3>) -> Vec<[f64; 3]> {
-    let unit = |v: [f64; 3]| {
-        let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
-        if length > 0.0 { v.map(|x| x / length) } else { v }
+    let unit = |v: Vector3| {
+        let length = v.norm();
+        if length > 0.0 { v / length } else { v }
     };
     let mut pairs: Vec<(u32, u32)> = faces
         .as_flattened()
@@ -203,10 +205,7 @@ fn means(vertices: usize, faces: &[[u32; 3]], layer: &crate::attributes::Layer<3
         let value = |index: u32| layer.values[index as usize];
         means[own[0].0 as usize] = match own {
             [(_, index)] => value(*index),
-            several => unit(several.iter().fold([0.0; 3], |sum: [f64; 3], &(_, index)| {
-                let normal = unit(value(index));
-                std::array::from_fn(|k| sum[k] + normal[k])
-            })),
+            several => unit(several.iter().map(|&(_, index)| unit(value(index).into())).sum()).into(),
         };
     }
     means

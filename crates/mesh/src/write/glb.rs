@@ -2,6 +2,7 @@
 
 use std::io::{self, Write};
 
+use chladni_base::Vector3;
 use serde_json::{Map, Value, json};
 
 use super::far_middle;
@@ -162,11 +163,8 @@ impl File {
         members.insert("POSITION".to_owned(), json!(at));
         if let Some((_, values)) = &normals {
             let unit = |row: &[u32; 3]| {
-                let normal = values[row[2] as usize];
-                let length = normal.iter().map(|x| x * x).sum::<f64>().sqrt();
-                let unit =
-                    if length > 0.0 && length.is_finite() { normal.map(|x| x / length) } else { [0.0, 0.0, 1.0] };
-                unit.map(|x| x as f32)
+                let normal = Vector3(values[row[2] as usize]);
+                normal.normalized().unwrap_or(Vector3::AXES[2]).map(|x| x as f32)
             };
             let at = self.accessor(rows.iter().flat_map(unit), rows.len(), "VEC3");
             members.insert("NORMAL".to_owned(), json!(at));

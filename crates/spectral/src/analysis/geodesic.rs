@@ -160,10 +160,9 @@ impl Edges {
 
     fn fill(&mut self, mesh: &TriangleMesh, faces: &[[u32; 3]]) {
         for (k, face) in faces.iter().enumerate() {
-            let [p, q, r] = face.map(|vertex| mesh.positions[vertex as usize]);
-            let (back, forth) = ([0, 1, 2].map(|i| p[i] - r[i]), [0, 1, 2].map(|i| q[i] - p[i]));
-            let normal = cross(back, forth);
-            self.half[k] = if dot(normal, normal) > 0.0 { -0.5 } else { 0.0 };
+            let [p, q, r] = mesh.corners(face);
+            let (back, forth) = (p - r, q - p);
+            self.half[k] = if back.cross(forth).norm_squared() > 0.0 { -0.5 } else { 0.0 };
             for i in 0..3 {
                 (self.back[i][k], self.forth[i][k]) = (back[i], forth[i]);
             }
@@ -261,14 +260,6 @@ fn largest(values: &[f32]) -> f32 {
     most.iter().chain(rest).copied().fold(0.0, f32::max)
 }
 
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -299,7 +290,7 @@ mod tests {
     }
 
     fn angle(mesh: &TriangleMesh, a: usize, b: usize) -> f64 {
-        dot(mesh.positions[a], mesh.positions[b]).clamp(-1.0, 1.0).acos()
+        mesh.points()[a].dot(mesh.points()[b]).clamp(-1.0, 1.0).acos()
     }
 
     #[test]

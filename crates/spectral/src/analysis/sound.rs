@@ -4,6 +4,8 @@
 //! the object the pressure is `ρ_air / 4π ∫ ⟨ü(x), n⟩ / |x − p| dA` (Rayleigh's integral without the delays within the
 //! object), which is one number for each mode.
 
+use chladni_base::Vector3;
+
 use super::vibration::{Motion, SimulationError};
 use crate::basis::modal::ModalBasis;
 
@@ -67,22 +69,20 @@ pub fn listen(
     listening: &Listening,
 ) -> Result<Sound, SimulationError> {
     listening.check()?;
-    let mut sources = vec![[0.0; 3]; basis.vertices()];
+    let mut sources = vec![Vector3::ZERO; basis.vertices()];
     for face in faces {
         let Some([a, b, c]) = corners(positions, face) else { continue };
-        let (u, v): ([f64; 3], [f64; 3]) = (std::array::from_fn(|k| b[k] - a[k]), std::array::from_fn(|k| c[k] - a[k]));
-        let normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+        let normal = (b - a).cross(c - a);
         for (&vertex, position) in face.iter().zip([a, b, c]) {
-            let square: f64 = (0..3).map(|k| (position[k] - listening.point[k]).powi(2)).sum();
             // An ear on the surface hears it from a little away.
-            let distance = square.sqrt().max(0.01 * basis.length);
+            let distance = (position - Vector3(listening.point)).norm().max(0.01 * basis.length);
             let share = AIR / (4.0 * std::f64::consts::PI) / distance / 6.0;
             if let Some(source) = sources.get_mut(vertex as usize) {
-                (0..3).for_each(|k| source[k] += share * normal[k]);
+                *source += share * normal;
             }
         }
     }
-    let mut weights = basis.transposed_times(&sources)?;
+    let mut weights = basis.transposed_times(Vector3::arrays(&sources))?;
     let half = std::f64::consts::PI * f64::from(listening.rate);
     let (mut modes, mut too_high) = (0, 0);
     for (weight, &value) in weights.iter_mut().zip(&basis.eigenvalues) {
@@ -103,8 +103,8 @@ pub fn listen(
     Ok(Sound { rate: listening.rate, pressures, modes, too_high })
 }
 
-fn corners(positions: &[[f64; 3]], face: &[u32; 3]) -> Option<[[f64; 3]; 3]> {
-    let [a, b, c] = face.map(|v| positions.get(v as usize).copied());
+fn corners(positions: &[[f64; 3]], face: &[u32; 3]) -> Option<[Vector3; 3]> {
+    let [a, b, c] = face.map(|v| positions.get(v as usize).copied().map(Vector3));
     Some([a?, b?, c?])
 }
 

@@ -96,18 +96,18 @@ mod tests {
 
     use super::*;
     use crate::field::{DesignModel, EnergyWeights, FieldParameters, field_basis};
+    use crate::operator::frames::parts;
     use chladni_base::Unwatched;
+    use chladni_base::Vector3;
     use chladni_mesh::shape::{Shape, generate};
 
     /// A field that whirls in a cap of the sphere and is still elsewhere.
     fn concentrated(surface: &FieldSurface, shift: f64) -> Vec<f64> {
         let field = (0..surface.faces()).flat_map(|f| {
-            let c = [0, 1, 2].map(|i| {
-                surface.mesh().faces[f].iter().map(|&v| surface.mesh().positions[v as usize][i]).sum::<f64>() / 3.0
-            });
+            let c = surface.mesh().barycentre(&surface.mesh().faces[f]);
             let size = (-(c[0] * c[0] + c[1] * c[1]) / 0.03).exp() * if c[2] > 0.0 { 1.0 } else { 0.0 };
             let phase = 12.0 * (c[0] + 0.5 * c[1]) + shift;
-            surface.frames().from_world(f, [size * phase.cos(), size * phase.sin(), 0.0])
+            parts(surface.frames().from_world(f, Vector3::new(size * phase.cos(), size * phase.sin(), 0.0)))
         });
         field.collect()
     }

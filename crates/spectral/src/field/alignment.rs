@@ -6,7 +6,7 @@ use chladni_algebra::{FactorError, SparseMatrix};
 use chladni_base::Unwatched;
 
 use crate::basis::FieldBasis;
-use crate::operator::frames::{Planar, normalise};
+use crate::operator::frames::{Complex64, ONE, complex, inner, normalise, outer};
 use crate::operator::transport::FieldKind;
 
 use super::basis::restricted;
@@ -120,8 +120,8 @@ impl DesignModel {
         }
         length("the prescribed field", field.faces(), basis.space.faces())?;
         let areas = surface.frames().areas();
-        let along = self.alignment(basis, areas, &field.target([1.0, 0.0]), None)?;
-        let across = self.alignment(basis, areas, &field.target([0.0, 1.0]), None)?;
+        let along = self.alignment(basis, areas, &field.target(ONE), None)?;
+        let across = self.alignment(basis, areas, &field.target(Complex64::I), None)?;
         Ok(Prescription { field, along, across })
     }
 }
@@ -146,7 +146,7 @@ impl Prescription {
     /// fit the constraints there; as it is stored, with the matching that goes with it.
     pub fn exact(&self, surface: &FieldSurface, constraints: &[Constraint]) -> (Vec<f32>, Vec<Matching>) {
         let (components, count) = surface.dual().components();
-        let turns: Vec<Planar> = (0..count as u32)
+        let turns: Vec<Complex64> = (0..count as u32)
             .map(|component| self.turn_of(constraints.iter().filter(|c| components[c.face as usize] == component)))
             .collect();
         let b = self.field.kind().block();
@@ -160,25 +160,24 @@ impl Prescription {
     }
 
     /// The turn that brings the field closest to constraints.
-    pub(super) fn turn(&self, constraints: &[Constraint]) -> Planar {
+    pub(super) fn turn(&self, constraints: &[Constraint]) -> Complex64 {
         self.turn_of(constraints.iter())
     }
 
-    fn turn_of<'a>(&self, constraints: impl Iterator<Item = &'a Constraint>) -> Planar {
-        let mut sum = [0.0; 2];
+    fn turn_of<'a>(&self, constraints: impl Iterator<Item = &'a Constraint>) -> Complex64 {
+        let mut sum = Complex64::ZERO;
         for c in constraints {
             let planar = |value: [f64; 3]| match self.field.kind() {
                 FieldKind::Tensor {} => tensor_deviator(value),
-                _ => [value[0], value[1]],
+                _ => complex([value[0], value[1]]),
             };
-            let (wanted, own) = (planar(c.value), planar(self.field.value(c.face as usize, [1.0, 0.0])));
+            let (wanted, own) = (planar(c.value), planar(self.field.value(c.face as usize, ONE)));
             let weight = match c.hold {
                 Hold::Strength(strength) => FIRM * strength,
                 Hold::Weight(weight) => weight,
                 Hold::Exact => 1e6,
             };
-            sum[0] += weight * (wanted[0] * own[0] + wanted[1] * own[1]);
-            sum[1] += weight * (wanted[1] * own[0] - wanted[0] * own[1]);
+            sum += weight * Complex64::new(inner(wanted, own), outer(own, wanted));
         }
         normalise(sum)
     }

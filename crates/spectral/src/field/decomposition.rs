@@ -12,6 +12,7 @@ use chladni_mesh::dual::NO_FACE;
 use super::harmonic::rim;
 use super::poisson::{Factor, PoissonError};
 use super::surface::FieldSurface;
+use crate::operator::frames::{complex, inner, outer};
 use crate::operator::hodge::FieldBoundary;
 
 /// Projects fields to gradients and co-gradients, each by a sparse factor that is made once.
@@ -153,7 +154,7 @@ impl Potentials {
             let factor = scale * scale / frames.areas()[f];
             for i in (0..3).filter(|&i| own[i] != HELD) {
                 for j in (0..3).filter(|&j| own[j] != HELD) {
-                    entries.push((own[i], own[j], factor * (e[i][0] * e[j][0] + e[i][1] * e[j][1])));
+                    entries.push((own[i], own[j], factor * inner(e[i], e[j])));
                 }
             }
         }
@@ -214,7 +215,7 @@ impl Potentials {
         let mut right = vec![0.0; self.factor.size()];
         for (f, (own, x)) in self.functions.iter().zip(field.as_chunks::<2>().0).enumerate() {
             for (k, e) in frames.edges(f).into_iter().enumerate().filter(|&(k, _)| own[k] != HELD) {
-                right[own[k] as usize] += self.scale * (e[0] * x[1] - e[1] * x[0]);
+                right[own[k] as usize] += self.scale * outer(e, complex(*x));
             }
         }
         let mut columns = [right];
@@ -237,8 +238,8 @@ impl Potentials {
             let mut gradient = [0.0; 2];
             for (k, e) in frames.edges(f).into_iter().enumerate().filter(|&(k, _)| own[k] != HELD) {
                 let u = scale * function[own[k] as usize];
-                gradient[0] -= u * e[1];
-                gradient[1] += u * e[0];
+                gradient[0] -= u * e.im;
+                gradient[1] += u * e.re;
             }
             *v = change(*v, gradient);
         }
@@ -249,7 +250,9 @@ impl Potentials {
 mod tests {
     use super::*;
     use crate::field::harmonic_fields;
+    use crate::operator::frames::parts;
     use crate::operator::hodge::{curl, divergence};
+    use chladni_base::Vector3;
     use chladni_base::{SplitMix64, Unwatched};
     use chladni_mesh::fixtures::union;
     use chladni_mesh::shape::{Shape, generate, noisy};
@@ -337,8 +340,9 @@ mod tests {
         let mut mesh = generate(Shape::Rectangle, 300).unwrap();
         mesh.positions.iter_mut().flatten().for_each(|x| *x *= 3.0);
         let surface = FieldSurface::new(mesh).unwrap();
-        let field: Vec<f64> =
-            (0..surface.faces()).flat_map(|f| surface.frames().from_world(f, [0.5, -2.0, 0.0])).collect();
+        let field: Vec<f64> = (0..surface.faces())
+            .flat_map(|f| parts(surface.frames().from_world(f, Vector3::new(0.5, -2.0, 0.0))))
+            .collect();
         let decomposition = HodgeDecomposition::new(&surface, FieldBoundary::Tangential, &Unwatched).unwrap();
         let parts = decomposition.parts(&surface, &field);
         assert!(parts.cogradient.iter().chain(&parts.harmonic).all(|x| x.abs() < 1e-10));

@@ -20,7 +20,7 @@ use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor, stopped};
 
 use crate::basis::{FieldBasis, FieldMisfit, RitzFields};
-use crate::operator::frames::Planar;
+use crate::operator::frames::Complex64;
 use crate::operator::transport::FieldKind;
 
 use super::pencil::Pencil;
@@ -244,7 +244,7 @@ pub struct Design {
     /// For each constraint the length of `u − value`.
     pub residuals: Vec<f64>,
     /// The unit number that a prescribed field was turned by, to fit the constraints.
-    pub turn: Option<Planar>,
+    pub turn: Option<Complex64>,
 }
 
 impl DesignModel {

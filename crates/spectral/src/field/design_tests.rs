@@ -1,13 +1,14 @@
 use std::sync::Arc;
 
 use chladni_algebra::{DenseMatrix, solve_definite};
-use chladni_base::Unwatched;
+use chladni_base::{Unwatched, Vector3};
 use chladni_mesh::shape::{Shape, generate};
 
 use super::*;
 use crate::field::{
     FieldParameters, FieldSurface, Prescribed, PrescribedField, field_basis, full_biharmonic, singularities,
 };
+use crate::operator::frames::{complex, parts};
 use crate::operator::hodge::FieldBoundary;
 use crate::operator::tangential::FieldOperator;
 
@@ -213,8 +214,8 @@ fn many_constraints_on_a_flat_sheet_leave_a_parallel_field_as_it_is() {
     let r = set_up(Shape::Rectangle, 500, FieldKind::NVector { n: 1 }, 60);
     let faces = r.surface.faces();
     let direction = |face: usize| {
-        let own = r.surface.frames().from_world(face, [0.6, 0.8, 0.0]);
-        [own[0], own[1], 0.0]
+        let own = r.surface.frames().from_world(face, Vector3::new(0.6, 0.8, 0.0));
+        [own.re, own.im, 0.0]
     };
     for hold in [Hold::Exact, Hold::Weight(10.0), Hold::Strength(1.0)] {
         let model = r.model.weighted(MIXED, None).unwrap();
@@ -253,7 +254,7 @@ fn alignment_pulls_towards_the_field_and_weights_per_face_say_where() {
     let target: Vec<f64> = (0..r.surface.faces())
         .flat_map(|f| {
             let c = r.surface.mesh().positions[r.surface.mesh().faces[f][0] as usize];
-            r.surface.frames().from_world(f, [-c[1], c[0], 0.0])
+            parts(r.surface.frames().from_world(f, Vector3::new(-c[1], c[0], 0.0)))
         })
         .collect();
     let ones = vec![1.0; r.surface.faces()];
@@ -340,13 +341,14 @@ fn fields_without_energy_are_free() {
     // Parallel fields on a flat sheet have no transport energy: two kernel dimensions.
     let r = set_up(Shape::Rectangle, 400, FieldKind::NVector { n: 1 }, 60);
     let f = 100usize;
-    let along = r.surface.frames().from_world(f, [1.0, 0.0, 0.0]);
+    let along = r.surface.frames().from_world(f, Vector3::AXES[0]);
     let design =
-        r.model.weighted(HARMONIC, None).unwrap().solve(&r.basis, &[hard(f as u32, along[0], along[1])]).unwrap();
+        r.model.weighted(HARMONIC, None).unwrap().solve(&r.basis, &[hard(f as u32, along.re, along.im)]).unwrap();
     let lifted = r.basis.space.lift(&design.coefficients).unwrap();
     let mean: f64 = (0..r.surface.faces())
         .map(|g| {
-            let v = r.surface.frames().to_world(g, [f64::from(lifted[2 * g]), f64::from(lifted[2 * g + 1])]);
+            let own = complex([lifted[2 * g], lifted[2 * g + 1]].map(f64::from));
+            let v = r.surface.frames().to_world(g, own);
             v[0] / r.surface.faces() as f64
         })
         .sum();

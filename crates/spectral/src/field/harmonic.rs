@@ -8,6 +8,7 @@ use chladni_algebra::{DenseMatrix, PANEL_WIDTH, PanelMatrix, SparseMatrix, ortho
 use chladni_base::{Cancelled, Monitor, stopped};
 use chladni_mesh::dual::NO_FACE;
 
+use crate::operator::frames::{complex, inner, outer};
 use crate::operator::hodge::FieldBoundary;
 
 use super::loops::{DualTree, Form, closed_forms, closed_loops, ends};
@@ -84,8 +85,8 @@ fn field_of(surface: &FieldSurface, form: &Form) -> Vec<f64> {
         let f = face as usize;
         let e = surface.frames().edges(f);
         let doubled = 2.0 * surface.frames().areas()[f];
-        field[2 * f] = (along[0] * e[1][1] - along[1] * e[0][1]) / doubled;
-        field[2 * f + 1] = (along[1] * e[0][0] - along[0] * e[1][0]) / doubled;
+        field[2 * f] = (along[0] * e[1].im - along[1] * e[0].im) / doubled;
+        field[2 * f + 1] = (along[1] * e[0].re - along[0] * e[1].re) / doubled;
     }
     field
 }
@@ -123,7 +124,7 @@ fn without_gradients(
                 if held[vertex] {
                     continue;
                 }
-                panel[vertex * PANEL_WIDTH + c % PANEL_WIDTH] += 0.5 * (e[0] * x[1] - e[1] * x[0]);
+                panel[vertex * PANEL_WIDTH + c % PANEL_WIDTH] += 0.5 * outer(e, complex([x[0], x[1]]));
             }
         }
     }
@@ -136,8 +137,8 @@ fn without_gradients(
             let scale = 0.5 / frames.areas()[f];
             for (k, e) in frames.edges(f).into_iter().enumerate() {
                 let u = panel[face[k] as usize * PANEL_WIDTH + c % PANEL_WIDTH];
-                field[2 * f] += scale * e[1] * u;
-                field[2 * f + 1] -= scale * e[0] * u;
+                field[2 * f] += scale * e.im * u;
+                field[2 * f + 1] -= scale * e.re * u;
             }
         }
     }
@@ -173,7 +174,7 @@ fn cotangents(surface: &FieldSurface, held: &[bool]) -> SparseMatrix {
         let scale = 0.25 / frames.areas()[f];
         for i in (0..3).filter(|&i| free(face[i])) {
             for j in (0..3).filter(|&j| free(face[j])) {
-                entries.push((face[i], face[j], scale * (e[i][0] * e[j][0] + e[i][1] * e[j][1])));
+                entries.push((face[i], face[j], scale * inner(e[i], e[j])));
             }
         }
     }

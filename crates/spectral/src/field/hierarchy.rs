@@ -296,8 +296,10 @@ fn coarsen<const B: usize>(
 mod tests {
     use super::*;
     use crate::field::FieldSurface;
+    use crate::operator::frames::parts;
     use crate::operator::hodge::FieldBoundary;
     use chladni_base::Unwatched;
+    use chladni_base::Vector3;
     use chladni_mesh::shape::{Shape, generate};
 
     fn levels<const B: usize>(kind: FieldKind, mesh: chladni_mesh::TriangleMesh) -> Vec<Level<B>> {
@@ -329,7 +331,11 @@ mod tests {
             FieldOperator::<2>::assemble(kind, s.mesh(), s.dual(), s.frames(), FieldBoundary::Tangential).unwrap();
         let levels = hierarchy(&operator, s.dual(), s.frames(), 60, &Unwatched).unwrap();
         let parallel = |level: &Level<2>| -> Vec<f64> {
-            level.roots.iter().flat_map(|&f| s.frames().from_world(f as usize, [0.6, 0.8, 0.0])).collect()
+            level
+                .roots
+                .iter()
+                .flat_map(|&f| parts(s.frames().from_world(f as usize, Vector3::new(0.6, 0.8, 0.0))))
+                .collect()
         };
         assert!(levels.len() >= 3);
         for pair in levels.windows(2) {

@@ -10,7 +10,7 @@ use chladni_mesh::fixtures::{klein_bottle, moebius, projective_plane, turned_ove
 use chladni_mesh::shape::{Shape, generate, noisy};
 
 use super::*;
-use crate::operator::frames::{Planar, Turn};
+use crate::operator::frames::{Complex64, ONE, Turn, complex, outer};
 use crate::operator::hodge::FieldBoundary;
 use crate::operator::tangential::FieldOperator;
 use crate::operator::transport::{FieldKind, transport_block};
@@ -98,9 +98,9 @@ fn of_operator<const B: usize>(operator: &FieldOperator<B>) -> Vec<f64> {
 /// What carries the numbers of a face of one surface into the same face of another one, which may be the other way
 /// round.
 fn between(from: &FieldSurface, face: usize, to: &FieldSurface, other: usize, order: u32) -> Turn {
-    let axis = |v: Planar| to.frames().from_world(other, from.frames().to_world(face, v));
-    let (x, y) = (axis([1.0, 0.0]), axis([0.0, 1.0]));
-    Turn { by: x, mirrored: x[0] * y[1] - x[1] * y[0] < 0.0 }.power(order)
+    let axis = |v: Complex64| to.frames().from_world(other, from.frames().to_world(face, v));
+    let (x, y) = (axis(ONE), axis(Complex64::I));
+    Turn { by: x, mirrored: outer(x, y) < 0.0 }.power(order)
 }
 
 /// The stiffness of the cover restricted to fields that are the same on both sheets, or with a sign of −1 opposite.
@@ -230,8 +230,8 @@ fn spaces_and_designs_do_not_depend_on_which_way_round_faces_are() {
         assert!(values.iter().zip(&values_there).all(|(a, b)| (a - b).abs() < 1e-4 * largest), "{kind:?}");
         let longest = field.iter().fold(0.0f32, |m, x| m.max(x.abs()));
         for (face, (own, there)) in field.as_chunks::<2>().0.iter().zip(field_there.as_chunks::<2>().0).enumerate() {
-            let turned = between(&surface, face, &other, face, kind.order()).of(own.map(f64::from));
-            let apart = (turned[0] - f64::from(there[0])).hypot(turned[1] - f64::from(there[1]));
+            let turned = between(&surface, face, &other, face, kind.order()).of(complex(own.map(f64::from)));
+            let apart = (turned - complex(there.map(f64::from))).norm();
             assert!(apart < 2e-3 * f64::from(longest), "{kind:?} {face}: {apart}");
         }
     }

@@ -11,7 +11,7 @@ use chladni_mesh::sample::farthest_points;
 use chladni_mesh::shape::{Shape, generate, noisy};
 
 use super::*;
-use crate::operator::frames::{normalise, power};
+use crate::operator::frames::{Complex64, normalise, parts, power};
 use crate::operator::hodge::FieldBoundary;
 use crate::operator::transport::FieldKind;
 
@@ -107,15 +107,15 @@ fn given(surface: &FieldSurface, kind: FieldKind, count: usize, hold: Hold, seed
     let mut found = Vec::new();
     for centre in centres {
         let angle = std::f64::consts::TAU * random.unit();
-        let along = surface.frames().to_world(centre as usize, [angle.cos(), angle.sin()]);
+        let along = surface.frames().to_world(centre as usize, Complex64::cis(angle));
         let beside = if hold == Hold::Exact { [NO_FACE; 3] } else { surface.dual().neighbours(centre as usize) };
         for face in std::iter::once(centre).chain(beside).filter(|&face| face != NO_FACE) {
             let planar = surface.frames().from_world(face as usize, along);
             let unit = normalise(planar);
             let value = match kind {
-                FieldKind::Tensor {} => [unit[0] * unit[0], unit[1] * unit[1], 2f64.sqrt() * unit[0] * unit[1]],
+                FieldKind::Tensor {} => [unit.re * unit.re, unit.im * unit.im, 2f64.sqrt() * unit.re * unit.im],
                 _ => {
-                    let [x, y] = power(unit, kind.order());
+                    let [x, y] = parts(power(unit, kind.order()));
                     [x, y, 0.0]
                 }
             };

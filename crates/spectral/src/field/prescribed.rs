@@ -14,7 +14,7 @@ use chladni_algebra::{DefiniteError, DenseMatrix, PANEL_WIDTH, PanelMatrix, Spar
 use chladni_base::Monitor;
 use chladni_mesh::dual::{NO_FACE, OneSided};
 
-use crate::operator::frames::{Planar, conjugate, multiply, normalise};
+use crate::operator::frames::{Complex64, ONE, inner, normalise, outer};
 use crate::operator::transport::{FieldKind, edge_weight, turn};
 
 use super::loops::{DualTree, closed_loops, ends};
@@ -114,7 +114,7 @@ fn fraction(sum: i64, order: u32) -> String {
 #[derive(Debug, Clone, PartialEq)]
 pub struct PrescribedField {
     kind: FieldKind,
-    phases: Vec<Planar>,
+    phases: Vec<Complex64>,
     /// By which angle it turns from the lower face of each edge to the upper one, beside what transport does; it may be
     /// more than half a turn.
     turns: Vec<f64>,
@@ -173,18 +173,18 @@ impl PrescribedField {
 
     /// The field, turned by the unit number `turn` as stored numbers turn: two numbers per face, or three for tensors
     /// without trace.
-    pub fn target(&self, turn: Planar) -> Vec<f64> {
+    pub fn target(&self, turn: Complex64) -> Vec<f64> {
         let turn = normalise(turn);
         let mut target = Vec::with_capacity(self.kind.block() * self.phases.len());
         for &phase in &self.phases {
-            target.extend_from_slice(&stored(self.kind, multiply(turn, phase))[..self.kind.block()]);
+            target.extend_from_slice(&stored(self.kind, turn * phase)[..self.kind.block()]);
         }
         target
     }
 
     /// The stored numbers of a face, turned by the unit number `turn`.
-    pub fn value(&self, face: usize, turn: Planar) -> [f64; 3] {
-        stored(self.kind, multiply(turn, self.phases[face]))
+    pub fn value(&self, face: usize, turn: Complex64) -> [f64; 3] {
+        stored(self.kind, turn * self.phases[face])
     }
 
     /// The edges across which the field turns by more than half a turn, so that the least angle between the numbers
@@ -222,10 +222,10 @@ impl PrescribedField {
 }
 
 /// The numbers of a phase: for tensors those of a tensor without trace, whose deviator it is.
-fn stored(kind: FieldKind, phase: Planar) -> [f64; 3] {
+fn stored(kind: FieldKind, phase: Complex64) -> [f64; 3] {
     match kind {
-        FieldKind::Tensor {} => [phase[0], -phase[0], std::f64::consts::SQRT_2 * phase[1]],
-        _ => [phase[0], phase[1], 0.0],
+        FieldKind::Tensor {} => [phase.re, -phase.re, std::f64::consts::SQRT_2 * phase.im],
+        _ => [phase.re, phase.im, 0.0],
     }
 }
 
@@ -288,7 +288,7 @@ fn check(surface: &FieldSurface, kind: FieldKind, prescribed: &[Prescribed]) -> 
             for &corner in &corners {
                 let (edges, k) = (frames.edges(corner as usize / 3), corner as usize % 3);
                 let (a, b) = (edges[(k + 2) % 3], edges[(k + 1) % 3]);
-                defect -= (a[0] * b[1] - a[1] * b[0]).abs().atan2(-(a[0] * b[0] + a[1] * b[1]));
+                defect -= outer(a, b).abs().atan2(-inner(a, b));
             }
             *turning = TAU * f64::from(numerators[v]) - f64::from(order) * defect;
         }
@@ -306,7 +306,7 @@ fn fan(surface: &FieldSurface, prescribed: &Prescribed) -> (Vec<(u32, f64)>, f64
             let (edges, k) = (surface.frames().edges(corner as usize / 3), corner as usize % 3);
             // From the corner to the barycentre.
             let (a, b) = (edges[(k + 2) % 3], edges[(k + 1) % 3]);
-            ((a[0] - b[0]) / 3.0).hypot((a[1] - b[1]) / 3.0)
+            ((a - b) / 3.0).norm()
         })
         .collect();
     let mean = (distances.iter().sum::<f64>() / distances.len().max(1) as f64).max(f64::MIN_POSITIVE);
@@ -321,7 +321,7 @@ fn fan(surface: &FieldSurface, prescribed: &Prescribed) -> (Vec<(u32, f64)>, f64
 struct Connection<'a> {
     surface: &'a FieldSurface,
     /// The unit number that carries the upper face's numbers into the lower one; `None` at a boundary.
-    carried: Vec<Option<Planar>>,
+    carried: Vec<Option<Complex64>>,
     conductance: Vec<f64>,
 }
 
@@ -329,7 +329,7 @@ impl<'a> Connection<'a> {
     fn new(surface: &'a FieldSurface, kind: FieldKind) -> Self {
         let (dual, frames) = (surface.dual(), surface.frames());
         let slots = dual.edge_faces().iter().enumerate().map(|(edge, f)| (f[0] as usize, dual.slot(f[0], edge as u32)));
-        let carried: Vec<Option<Planar>> =
+        let carried: Vec<Option<Complex64>> =
             slots.clone().map(|(f, k)| turn(kind, dual, frames, f, k).map(|turn| turn.by)).collect();
         let weights: Vec<f64> = slots.map(|(f, k)| edge_weight(dual, frames, f, k)).collect();
         let mean = weights.iter().sum::<f64>() / weights.len().max(1) as f64;
@@ -393,7 +393,7 @@ impl<'a> Connection<'a> {
             let along = |path: &[(u32, f64)], form: &dyn Fn(usize) -> f64| -> f64 {
                 path.iter().map(|&(edge, sign)| sign * form(edge as usize)).sum()
             };
-            let angle = |edge: usize| self.carried[edge].map_or(0.0, |c| c[1].atan2(c[0]));
+            let angle = |edge: usize| self.carried[edge].map_or(0.0, Complex64::arg);
             let mut periods = DenseMatrix::zeros(loops.len(), loops.len());
             let mut missing = DenseMatrix::zeros(loops.len(), 1);
             for (l, path) in loops.iter().enumerate() {
@@ -445,9 +445,9 @@ impl<'a> Connection<'a> {
     }
 
     /// The phases of a field with these turns, 1 at the root of each component.
-    fn integrate(&self, turns: &[f64], tree: &DualTree) -> Vec<Planar> {
+    fn integrate(&self, turns: &[f64], tree: &DualTree) -> Vec<Complex64> {
         let dual = self.surface.dual();
-        let mut phases = vec![[1.0, 0.0]; self.surface.faces()];
+        let mut phases = vec![ONE; self.surface.faces()];
         for &face in &tree.order {
             let half = tree.parent[face as usize];
             if half == NO_FACE {
@@ -458,9 +458,9 @@ impl<'a> Connection<'a> {
             let Some(carried) = self.carried[edge] else { continue };
             let (sine, cosine) = turns[edge].sin_cos();
             // From the lower face to the upper one: out of its frame, and by the turn.
-            let step = multiply(conjugate(carried), [cosine, sine]);
-            let step = if dual.edge_faces()[edge][0] == parent { step } else { conjugate(step) };
-            phases[face as usize] = normalise(multiply(step, phases[parent as usize]));
+            let step = carried.conj() * Complex64::new(cosine, sine);
+            let step = if dual.edge_faces()[edge][0] == parent { step } else { step.conj() };
+            phases[face as usize] = normalise(step * phases[parent as usize]);
         }
         phases
     }

@@ -11,7 +11,7 @@ fn surface(shape: Shape, vertices: usize) -> FieldSurface {
 
 /// What a field of single numbers is singular at, as it was prescribed.
 fn found(surface: &FieldSurface, field: &PrescribedField) -> Vec<Prescribed> {
-    let single: Vec<f32> = field.target([0.6, 0.8]).iter().map(|&x| x as f32).collect();
+    let single: Vec<f32> = field.target(Complex64::new(0.6, 0.8)).iter().map(|&x| x as f32).collect();
     let matching = field.matching(surface, &single);
     let found = matched_singularities(surface, field.kind(), &single, &matching).unwrap();
     found.iter().map(|s| Prescribed { vertex: s.vertex, numerator: s.numerator }).collect()
@@ -106,13 +106,12 @@ fn index_around(
     for (at, &corner) in corners.iter().enumerate() {
         let (face, k) = (corner as usize / 3, corner as usize % 3);
         let next = corners[(at + 1) % corners.len()] as usize / 3;
-        let [p, q, r] = [0, 1, 2].map(|i| mesh.positions[mesh.faces[face][(k + i) % 3] as usize]);
-        let (a, b) = ([0, 1, 2].map(|i| q[i] - p[i]), [0, 1, 2].map(|i| r[i] - p[i]));
-        let dot = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| a[i] * b[i]).sum::<f64>();
-        defect -= (dot(a, b) / (dot(a, a) * dot(b, b)).sqrt()).clamp(-1.0, 1.0).acos();
+        let [p, q, r] = std::array::from_fn(|i| mesh.point(mesh.faces[face][(k + i) % 3]));
+        let (a, b) = (q - p, r - p);
+        defect -= (a.dot(b) / (a.norm_squared() * b.norm_squared()).sqrt()).clamp(-1.0, 1.0).acos();
         let slot = (0..3).find(|&s| dual.neighbours(face)[s] as usize == next && s == (k + 1) % 3)?;
         let carried = turn(kind, dual, frames, face, slot)?;
-        let step = angle(next) + carried.by[1].atan2(carried.by[0]) - angle(face);
+        let step = angle(next) + carried.by.arg() - angle(face);
         let step = step - TAU * (step / TAU).round();
         let edge = dual.edges(face)[slot];
         let sign = if dual.edge_faces()[edge as usize][0] as usize == face { 1.0 } else { -1.0 };
@@ -156,7 +155,7 @@ fn exact_fields_have_the_prescribed_singularities_and_no_others_on_any_mesh() {
             }
             check(surface, kind, prescribed.clone());
             let field = PrescribedField::new(surface, kind, &prescribed, &Unwatched).unwrap();
-            let single: Vec<f32> = field.target([0.6, -0.8]).iter().map(|&x| x as f32).collect();
+            let single: Vec<f32> = field.target(Complex64::new(0.6, -0.8)).iter().map(|&x| x as f32).collect();
             let matching = field.matching(surface, &single);
             beyond += matching.len();
             for vertex in 0..vertices {

@@ -1,10 +1,12 @@
 //! Curvature as fields: the shape operator of each face as a stored tensor, and its directions as something to align
 //! to.
 
+use chladni_base::Vector3;
+
 use crate::basis::FieldMisfit;
 use crate::operator::OperatorError;
 use crate::operator::curvature::curvatures;
-use crate::operator::frames::{Planar, power};
+use crate::operator::frames::{ONE, complex, parts, power};
 
 use super::reading::{tensor_deviator, tensor_in_frame};
 use super::surface::FieldSurface;
@@ -21,8 +23,8 @@ pub fn curvature_tensors(surface: &FieldSurface) -> Result<Vec<f64>, OperatorErr
         let mut sum = [[0.0; 3]; 3];
         for &v in face {
             let v = v as usize;
-            let (n, d) = (at_vertices.normals[v], at_vertices.directions[v]);
-            let other = [n[1] * d[2] - n[2] * d[1], n[2] * d[0] - n[0] * d[2], n[0] * d[1] - n[1] * d[0]];
+            let (n, d) = (Vector3(at_vertices.normals[v]), Vector3(at_vertices.directions[v]));
+            let other = n.cross(d);
             for i in 0..3 {
                 for j in 0..3 {
                     sum[i][j] +=
@@ -58,11 +60,11 @@ pub fn principal_directions(tensors: &[f64], n: u32) -> Result<DirectionField, F
     let faces = tensors.len() / 3;
     let mut field = DirectionField { target: Vec::with_capacity(2 * faces), weights: Vec::with_capacity(faces) };
     for tensor in tensors.chunks_exact(3) {
-        let deviator: Planar = tensor_deviator([tensor[0], tensor[1], tensor[2]]);
-        let (anisotropy, mean) = (deviator[0].hypot(deviator[1]), 0.5 * (tensor[0] + tensor[1]).abs());
+        let deviator = tensor_deviator([tensor[0], tensor[1], tensor[2]]);
+        let (anisotropy, mean) = (deviator.norm(), 0.5 * (tensor[0] + tensor[1]).abs());
         let sound = anisotropy > 1e-12 * mean && anisotropy.is_finite();
-        let unit = if sound { [deviator[0] / anisotropy, deviator[1] / anisotropy] } else { [1.0, 0.0] };
-        field.target.extend(power(unit, n / 2));
+        let unit = if sound { deviator / anisotropy } else { ONE };
+        field.target.extend(parts(power(unit, n / 2)));
         field.weights.push(if sound { anisotropy / (anisotropy + mean) } else { 0.0 });
     }
     Ok(field)
@@ -99,10 +101,10 @@ pub fn fur(
         let [x, y] = [f64::from(u[0]), f64::from(u[1])];
         let size = x.hypot(y);
         let (sine, cosine) = (tilt * (size / full).min(1.0)).sin_cos();
-        let along = if size > 0.0 { frames.to_world(f, [x / size, y / size]) } else { [0.0; 3] };
+        let along = if size > 0.0 { frames.to_world(f, complex([x / size, y / size])) } else { Vector3::ZERO };
         let normal = frames.normal(f);
-        let root = [0, 1, 2].map(|i| mesh.faces[f].iter().map(|&v| mesh.positions[v as usize][i]).sum::<f64>() / 3.0);
-        Strand { root, tip: [0, 1, 2].map(|i| length * (cosine * normal[i] + sine * along[i])) }
+        let root = mesh.barycentre(&mesh.faces[f]);
+        Strand { root: root.into(), tip: (length * (cosine * normal + sine * along)).into() }
     });
     Ok(strands.collect())
 }
@@ -119,14 +121,11 @@ mod tests {
         let field = principal_directions(&tensors, 2).unwrap();
         let mut worst = 1.0f64;
         for f in 0..surface.faces() {
-            let c = [0, 1, 2].map(|i| {
-                surface.mesh().faces[f].iter().map(|&v| surface.mesh().positions[v as usize][i]).sum::<f64>() / 3.0
-            });
-            let around = surface.frames().from_world(f, [-c[1], c[0], 0.0]);
-            let size = around[0].hypot(around[1]);
-            let unit = power([around[0] / size, around[1] / size], 2);
+            let c = surface.mesh().barycentre(&surface.mesh().faces[f]);
+            let around = surface.frames().from_world(f, Vector3::new(-c[1], c[0], 0.0));
+            let unit = power(around / around.norm(), 2);
             // Across the long way around: the representations are opposite.
-            worst = worst.min(-(unit[0] * field.target[2 * f] + unit[1] * field.target[2 * f + 1]));
+            worst = worst.min(-(unit.re * field.target[2 * f] + unit.im * field.target[2 * f + 1]));
             let trace = tensors[3 * f] + tensors[3 * f + 1];
             let radius = c[0].hypot(c[1]);
             let expected = 1.0 / TORUS_MINOR_RADIUS + (radius - TORUS_MAJOR_RADIUS) / TORUS_MINOR_RADIUS / radius;
@@ -144,7 +143,8 @@ mod tests {
     fn strands_stand_up_where_the_field_is_zero_and_lean_along_it_elsewhere() {
         let surface = FieldSurface::new(generate(Shape::Rectangle, 30).unwrap()).unwrap();
         let mut field = vec![0f32; 2 * surface.faces()];
-        field[2..4].copy_from_slice(&surface.frames().from_world(1, [5.0, 0.0, 0.0]).map(|x| x as f32));
+        field[2..4]
+            .copy_from_slice(&parts(surface.frames().from_world(1, Vector3::new(5.0, 0.0, 0.0))).map(|x| x as f32));
         let strands = fur(&surface, &field, 0.5, 1.0, 1.0).unwrap();
         assert!((strands[0].tip[2] - 0.5).abs() < 1e-12);
         assert!(

@@ -1,27 +1,27 @@
 //! Between stored numbers and what they mean: directions, roots of n-vectors, eigenvalues of tensors.
 
-use crate::operator::frames::{FaceFrames, Planar, power};
+use chladni_base::Vector3;
+
+use crate::operator::frames::{Complex64, FaceFrames, ONE, complex, parts, power};
 use crate::operator::transport::FieldKind;
 
 /// The representation of `n` vectors of which `direction` is one: the same length, `n` times the angle.
-pub fn representation(direction: Planar, n: u32) -> Planar {
-    let length = direction[0].hypot(direction[1]);
+pub fn representation(direction: Complex64, n: u32) -> Complex64 {
+    let length = direction.norm();
     if !(length > 0.0 && length.is_finite()) {
-        return [0.0; 2];
+        return Complex64::ZERO;
     }
-    let [x, y] = power([direction[0] / length, direction[1] / length], n);
-    [length * x, length * y]
+    length * power(direction / length, n)
 }
 
 /// The `n` vectors that a representation stands for: its length, the `n`-th part of its angle, and turns by 360°/n from
 /// there.
-pub fn roots(representation: Planar, n: u32) -> Vec<Planar> {
-    let length = representation[0].hypot(representation[1]);
-    let angle = representation[1].atan2(representation[0]);
+pub fn roots(representation: Complex64, n: u32) -> Vec<Complex64> {
+    let (length, angle) = (representation.norm(), representation.arg());
     (0..n.max(1))
         .map(|k| {
             let (sine, cosine) = ((angle + std::f64::consts::TAU * f64::from(k)) / f64::from(n.max(1))).sin_cos();
-            [length * cosine, length * sine]
+            length * Complex64::new(cosine, sine)
         })
         .collect()
 }
@@ -32,26 +32,26 @@ pub struct TensorAxes {
     /// The eigenvalues, the larger first.
     pub values: [f64; 2],
     /// The unit eigenvector of the larger one; its sign means nothing.
-    pub direction: Planar,
+    pub direction: Complex64,
 }
 
 /// Eigenvalues and directions of a tensor stored as `(a₁₁, a₂₂, √2 a₁₂)`.
 pub fn tensor_axes(tensor: [f64; 3]) -> TensorAxes {
     let mean = 0.5 * (tensor[0] + tensor[1]);
     let deviator = tensor_deviator(tensor);
-    let radius = deviator[0].hypot(deviator[1]);
+    let radius = deviator.norm();
     TensorAxes { values: [mean + radius, mean - radius], direction: normalised(roots(deviator, 2)[0]) }
 }
 
 /// The deviator `((a₁₁ − a₂₂)/2, a₁₂)` of a stored tensor: a 2-field.
-pub fn tensor_deviator(tensor: [f64; 3]) -> Planar {
-    [0.5 * (tensor[0] - tensor[1]), tensor[2] * std::f64::consts::FRAC_1_SQRT_2]
+pub fn tensor_deviator(tensor: [f64; 3]) -> Complex64 {
+    Complex64::new(0.5 * (tensor[0] - tensor[1]), tensor[2] * std::f64::consts::FRAC_1_SQRT_2)
 }
 
 /// A symmetric tensor in ℝ³ that acts in the plane of a face, stored in its frame.
 pub fn tensor_in_frame(frames: &FaceFrames, face: usize, tensor: [[f64; 3]; 3]) -> [f64; 3] {
     let (x, y) = (frames.x_axes()[face], frames.y_axes()[face]);
-    let product = |a: [f64; 3], b: [f64; 3]| -> f64 {
+    let product = |a: Vector3, b: Vector3| -> f64 {
         (0..3).map(|i| (0..3).map(|j| a[i] * tensor[i][j] * b[j]).sum::<f64>()).sum()
     };
     [product(x, x), product(y, y), std::f64::consts::SQRT_2 * 0.5 * (product(x, y) + product(y, x))]
@@ -60,17 +60,17 @@ pub fn tensor_in_frame(frames: &FaceFrames, face: usize, tensor: [[f64; 3]; 3]) 
 /// The numbers to store in a face for a direction in ℝ³; `None` where it has no part in the plane of the face, or the
 /// kind of field has no directions.
 pub fn direction_in_frame(kind: FieldKind, frames: &FaceFrames, face: usize, direction: [f64; 3]) -> Option<[f64; 3]> {
+    let direction = Vector3(direction);
     let planar = frames.from_world(face, direction);
-    let length = planar[0].hypot(planar[1]);
-    let size = direction.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let (length, size) = (planar.norm(), direction.norm());
     // Also false where something is not a number.
     if !(length > 1e-9 * size && length.is_finite()) {
         return None;
     }
     match kind {
-        FieldKind::Vector {} => Some([planar[0], planar[1], 0.0]),
+        FieldKind::Vector {} => Some([planar.re, planar.im, 0.0]),
         FieldKind::NVector { n } => {
-            let [x, y] = representation(planar, n);
+            let [x, y] = parts(representation(planar, n));
             Some([x, y, 0.0])
         }
         FieldKind::Tensor {} => None,
@@ -79,13 +79,14 @@ pub fn direction_in_frame(kind: FieldKind, frames: &FaceFrames, face: usize, dir
 
 /// A vector field, two numbers per face, in ℝ³.
 pub fn to_world(frames: &FaceFrames, field: &[f32]) -> Vec<[f32; 3]> {
-    let each = |(face, v): (usize, &[f32])| frames.to_world(face, [f64::from(v[0]), f64::from(v[1])]).map(|x| x as f32);
+    let each =
+        |(face, v): (usize, &[f32])| frames.to_world(face, complex([v[0], v[1]].map(f64::from))).map(|x| x as f32);
     field.chunks_exact(2).take(frames.faces()).enumerate().map(each).collect()
 }
 
-fn normalised(v: Planar) -> Planar {
-    let length = v[0].hypot(v[1]);
-    if length > 0.0 { [v[0] / length, v[1] / length] } else { [1.0, 0.0] }
+fn normalised(v: Complex64) -> Complex64 {
+    let length = v.norm();
+    if length > 0.0 { v / length } else { ONE }
 }
 
 #[cfg(test)]
@@ -95,22 +96,22 @@ mod tests {
 
     #[test]
     fn roots_have_the_representation_they_come_from() {
-        let z = [0.3, -1.2];
+        let z = Complex64::new(0.3, -1.2);
         for n in 1..7 {
             let all = roots(z, n);
             assert_eq!(all.len(), n as usize);
             for root in all {
                 let back = representation(root, n);
-                assert!((back[0] - z[0]).abs() < 1e-12 && (back[1] - z[1]).abs() < 1e-12);
+                assert!((back.re - z.re).abs() < 1e-12 && (back.im - z.im).abs() < 1e-12);
             }
         }
-        assert_eq!(representation([0.0, 0.0], 3), [0.0, 0.0]);
+        assert_eq!(representation(Complex64::ZERO, 3), Complex64::ZERO);
     }
 
     #[test]
     fn tensors_are_put_together_again_from_their_axes() {
         for tensor in [[1.0, -0.5, 0.7], [0.2, 0.9, 0.0], [0.9, 0.2, 0.0], [1.0, 1.0, 0.0]] {
-            let TensorAxes { values, direction: [x, y] } = tensor_axes(tensor);
+            let TensorAxes { values, direction: Complex64 { re: x, im: y } } = tensor_axes(tensor);
             let rebuilt = [
                 values[0] * x * x + values[1] * y * y,
                 values[0] * y * y + values[1] * x * x,
@@ -125,15 +126,15 @@ mod tests {
     fn directions_and_tensors_come_into_frames_and_back() {
         let frames = FaceFrames::new(&sphere(4)).unwrap();
         for face in [0, 7, 50] {
-            let along = frames.to_world(face, [0.6, 0.8]);
-            let stored = direction_in_frame(FieldKind::NVector { n: 2 }, &frames, face, along).unwrap();
+            let along = frames.to_world(face, Complex64::new(0.6, 0.8));
+            let stored = direction_in_frame(FieldKind::NVector { n: 2 }, &frames, face, along.into()).unwrap();
             assert!((stored[0] - (0.36 - 0.64)).abs() < 1e-12 && (stored[1] - 0.96).abs() < 1e-12);
-            assert_eq!(direction_in_frame(FieldKind::Vector {}, &frames, face, frames.normal(face)), None);
+            assert_eq!(direction_in_frame(FieldKind::Vector {}, &frames, face, frames.normal(face).into()), None);
             assert_eq!(direction_in_frame(FieldKind::Vector {}, &frames, face, [f64::NAN; 3]), None);
-            let square = [0, 1, 2].map(|i| [0, 1, 2].map(|j| along[i] * along[j]));
+            let square = along.map(|x| (x * along).into());
             let axes = tensor_axes(tensor_in_frame(&frames, face, square));
             assert!((axes.values[0] - 1.0).abs() < 1e-12 && axes.values[1].abs() < 1e-12);
-            assert!((axes.direction[0] * 0.6 + axes.direction[1] * 0.8).abs() > 1.0 - 1e-12);
+            assert!((axes.direction.re * 0.6 + axes.direction.im * 0.8).abs() > 1.0 - 1e-12);
             let world = to_world(&frames, &[0.0; 2]);
             assert_eq!(world.len(), 1);
         }

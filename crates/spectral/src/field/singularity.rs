@@ -9,7 +9,7 @@
 use chladni_base::parallel::*;
 
 use crate::basis::FieldMisfit;
-use crate::operator::frames::{Planar, conjugate, multiply};
+use crate::operator::frames::{Complex64, complex, inner, outer};
 use crate::operator::transport::{FieldKind, turn};
 
 use super::reading::tensor_deviator;
@@ -88,7 +88,7 @@ pub fn matched_singularities(
             let (face, k) = (corner as usize / 3, corner as usize % 3);
             let edges = frames.edges(face);
             let (a, b) = (edges[(k + 2) % 3], edges[(k + 1) % 3]);
-            defect -= (-(a[0] * b[1] - a[1] * b[0])).abs().atan2(-(a[0] * b[0] + a[1] * b[1]));
+            defect -= outer(a, b).abs().atan2(-inner(a, b));
             // Counter-clockwise the next face lies across the edge opposite to corner k + 1.
             let across = (k + if turned { 2 } else { 1 }) % 3;
             let edge = dual.edges(face)[across] as usize;
@@ -113,11 +113,11 @@ pub(super) fn least_angles(surface: &FieldSurface, kind: FieldKind, field: &[f32
     let b = kind.block();
     FieldMisfit::check(NUMBERS, field.len(), b * surface.faces())?;
     let (dual, frames) = (surface.dual(), surface.frames());
-    let value = |face: usize| -> Planar {
+    let value = |face: usize| -> Complex64 {
         let own = &field[b * face..b * (face + 1)];
         match kind {
-            FieldKind::Tensor {} => tensor_deviator([0, 1, 2].map(|i| f64::from(own[i]))),
-            _ => [f64::from(own[0]), f64::from(own[1])],
+            FieldKind::Tensor {} => tensor_deviator([own[0], own[1], own[2]].map(f64::from)),
+            _ => complex([own[0], own[1]].map(f64::from)),
         }
     };
     let angles = dual
@@ -129,9 +129,7 @@ pub(super) fn least_angles(surface: &FieldSurface, kind: FieldKind, field: &[f32
             let Some(k) = dual.edges(low as usize).iter().position(|&e| e as usize == edge) else { return 0.0 };
             // The turn carries the upper face's numbers into the lower one.
             let Some(carried) = turn(kind, dual, frames, low as usize, k) else { return 0.0 };
-            let there = carried.of(value(high as usize));
-            let step = multiply(there, conjugate(value(low as usize)));
-            step[1].atan2(step[0])
+            (carried.of(value(high as usize)) * value(low as usize).conj()).arg()
         })
         .collect();
     Ok(angles)
@@ -141,7 +139,9 @@ pub(super) fn least_angles(surface: &FieldSurface, kind: FieldKind, field: &[f32
 mod tests {
     use super::*;
     use crate::field::{FieldParameters, field_basis};
+    use crate::operator::frames::parts;
     use chladni_base::Unwatched;
+    use chladni_base::Vector3;
     use chladni_mesh::shape::{Shape, generate, noisy};
 
     fn sum(found: &[Singularity]) -> i32 {
@@ -168,10 +168,8 @@ mod tests {
         // The field of a rotation about z has two of index 1, at the poles.
         let field: Vec<f32> = (0..surface.faces())
             .flat_map(|f| {
-                let centre = [0, 1, 2].map(|i| {
-                    surface.mesh().faces[f].iter().map(|&v| surface.mesh().positions[v as usize][i]).sum::<f64>()
-                });
-                surface.frames().from_world(f, [-centre[1], centre[0], 0.0]).map(|x| x as f32)
+                let centre: Vector3 = surface.mesh().corners(&surface.mesh().faces[f]).into_iter().sum();
+                parts(surface.frames().from_world(f, Vector3::new(-centre[1], centre[0], 0.0))).map(|x| x as f32)
             })
             .collect();
         let found = singularities(&surface, FieldKind::Vector {}, &field).unwrap();

@@ -5,10 +5,10 @@
 
 use std::collections::VecDeque;
 
-use chladni_base::{Cancelled, Monitor};
+use chladni_base::{Cancelled, Monitor, Vector3};
 use chladni_mesh::dual::NO_FACE;
 
-use crate::operator::frames::{Planar, multiply};
+use crate::operator::frames::{Complex64, ONE, inner, outer};
 
 use super::samples::{Sample, Samples};
 use super::surface::FieldSurface;
@@ -143,7 +143,7 @@ struct Place {
 #[derive(Debug, Clone, Copy)]
 struct Seed {
     place: Place,
-    along: Planar,
+    along: Complex64,
 }
 
 struct Hatching<'a> {
@@ -185,7 +185,7 @@ impl Hatching<'_> {
                     break;
                 }
                 let place = Place { face: next_face as u32, at: [1.0 / 3.0; 3] };
-                seeds.extend(self.families(place, [1.0, 0.0]));
+                seeds.extend(self.families(place, ONE));
                 next_face += 1;
                 continue;
             };
@@ -205,57 +205,59 @@ impl Hatching<'_> {
     }
 
     /// The positions of the corners of a face in its frame, the first at the origin; unit area.
-    fn corners(&self, face: u32) -> [Planar; 3] {
+    fn corners(&self, face: u32) -> [Complex64; 3] {
         let e = self.surface.frames().edges(face as usize);
-        [[0.0, 0.0], e[2], [-e[1][0], -e[1][1]]]
+        [Complex64::ZERO, e[2], -e[1]]
     }
 
     /// A place in space, in units of the square root of the area.
     fn point(&self, place: &Place) -> [f64; 3] {
         let scale = 1.0 / self.surface.frames().area().sqrt();
-        self.position(place).map(|x| x * scale)
+        (Vector3(self.position(place)) * scale).into()
     }
 
     fn position(&self, place: &Place) -> [f64; 3] {
         let mesh = self.surface.mesh();
         let face = mesh.faces[place.face as usize];
-        [0, 1, 2].map(|i| (0..3).map(|k| place.at[k] * mesh.positions[face[k] as usize][i]).sum())
+        let [p, q, r] = mesh.corners(&face);
+        let [a, b, c] = place.at;
+        (a * p + b * q + c * r).into()
     }
 
     /// The direction of the field in a face nearest to `towards`, of unit length; `None` where the field is zero. With
     /// a sign of −1 lines run against the field, which for even `n` is the same.
-    fn direction(&self, face: u32, towards: Planar, sign: f64) -> Option<Planar> {
+    fn direction(&self, face: u32, towards: Complex64, sign: f64) -> Option<Complex64> {
         let [x, y] = [0, 1].map(|i| f64::from(self.field[2 * face as usize + i]));
         if !(x.hypot(y) > 1e-30 && x.is_finite() && y.is_finite()) {
             return None;
         }
         let n = f64::from(self.n);
         let own = y.atan2(x) / n;
-        let wanted = (sign * towards[1]).atan2(sign * towards[0]);
+        let wanted = (sign * towards).arg();
         let turn = std::f64::consts::TAU / n;
         let (sine, cosine) = (own + turn * ((wanted - own) / turn).round()).sin_cos();
-        Some([sign * cosine, sign * sine])
+        Some(sign * Complex64::new(cosine, sine))
     }
 
     /// Goes straight from a place in a face: the weights where its edge is reached, the edge, and how far that is.
-    fn exit(&self, place: &Place, direction: Planar) -> Option<(usize, [f64; 3], f64)> {
+    fn exit(&self, place: &Place, direction: Complex64) -> Option<(usize, [f64; 3], f64)> {
         let c = self.corners(place.face);
-        let p = [0, 1].map(|i| (0..3).map(|k| place.at[k] * c[k][i]).sum::<f64>());
+        let p: Complex64 = (0..3).map(|k| place.at[k] * c[k]).sum();
         let mut best: Option<(usize, [f64; 3], f64)> = None;
         for k in 0..3 {
             let (a, b) = (c[(k + 1) % 3], c[(k + 2) % 3]);
-            let e = [b[0] - a[0], b[1] - a[1]];
+            let e = b - a;
             // Outwards through edge k is to its right.
-            let speed = direction[0] * e[1] - direction[1] * e[0];
+            let speed = outer(direction, e);
             if speed <= 1e-14 {
                 continue;
             }
-            let t = (((a[0] - p[0]) * e[1] - (a[1] - p[1]) * e[0]) / speed).max(0.0);
+            let t = (outer(a - p, e) / speed).max(0.0);
             if best.is_some_and(|b| b.2 <= t) {
                 continue;
             }
-            let q = [p[0] + t * direction[0] - a[0], p[1] + t * direction[1] - a[1]];
-            let s = ((q[0] * e[0] + q[1] * e[1]) / (e[0] * e[0] + e[1] * e[1])).clamp(1e-9, 1.0 - 1e-9);
+            let q = p + t * direction - a;
+            let s = (inner(q, e) / e.norm_sqr()).clamp(1e-9, 1.0 - 1e-9);
             let mut at = [0.0; 3];
             at[(k + 1) % 3] = 1.0 - s;
             at[(k + 2) % 3] = s;
@@ -265,7 +267,7 @@ impl Hatching<'_> {
     }
 
     /// The same place and direction seen from the face across edge `k`, and whether that has the opposite orientation.
-    fn cross(&self, face: u32, k: usize, at: [f64; 3], direction: Planar) -> Option<(Place, Planar, bool)> {
+    fn cross(&self, face: u32, k: usize, at: [f64; 3], direction: Complex64) -> Option<(Place, Complex64, bool)> {
         let dual = self.surface.dual();
         let next = dual.neighbours(face as usize)[k];
         if next == NO_FACE {
@@ -283,7 +285,7 @@ impl Hatching<'_> {
     fn follow(
         &self,
         seed: &Place,
-        start: Planar,
+        start: Complex64,
         line: u32,
         own: &mut Samples,
         sign: f64,
@@ -303,7 +305,7 @@ impl Hatching<'_> {
                 sampled += step;
                 idle = 0;
                 let s = ((sampled - half.length) / distance).clamp(0.0, 1.0);
-                let place = Place { face: here.face, at: [0, 1, 2].map(|i| (1.0 - s) * here.at[i] + s * at[i]) };
+                let place = Place { face: here.face, at: between(here.at, at, s) };
                 let own_place = Some((line, sign * sampled));
                 stopped = self.near_in(own, &place, direction, TEST_SHARE * self.spacing, own_place)
                     || self.is_near(&place, direction, TEST_SHARE * self.spacing, None);
@@ -324,7 +326,7 @@ impl Hatching<'_> {
             let Some((place, carried, _)) = self.cross(here.face, k, at, direction) else { break };
             let Some(next) = self.direction(place.face, carried, sign) else { break };
             // A field that points back out at once would go to and fro.
-            if next[0] * carried[0] + next[1] * carried[1] <= 0.0 {
+            if inner(next, carried) <= 0.0 {
                 break;
             }
             (here, direction) = (place, next);
@@ -343,7 +345,7 @@ impl Hatching<'_> {
         let mut own = Samples::new(self.spacing);
         own.insert(self.sample(&seed, start, (line, 0.0)));
         let forward = self.follow(&seed, start, line, &mut own, 1.0, monitor)?;
-        let backward = self.follow(&seed, [-start[0], -start[1]], line, &mut own, -1.0, monitor)?;
+        let backward = self.follow(&seed, -start, line, &mut own, -1.0, monitor)?;
         if forward.length + backward.length < least || forward.places.len() + backward.places.len() == 0 {
             return Ok(None);
         }
@@ -368,13 +370,13 @@ impl Hatching<'_> {
     }
 
     /// A seed at a place for each kind of lines, the one nearest to a direction first.
-    fn families(&self, place: Place, towards: Planar) -> impl Iterator<Item = Seed> + use<> {
+    fn families(&self, place: Place, towards: Complex64) -> impl Iterator<Item = Seed> + use<> {
         let first = self.direction(place.face, towards, 1.0);
         let (turn, kinds) = (std::f64::consts::TAU / f64::from(self.n), self.kinds());
         first.into_iter().flat_map(move |first| {
             (0..kinds).map(move |k| {
                 let (sine, cosine) = (turn * f64::from(k)).sin_cos();
-                Seed { place, along: multiply(first, [cosine, sine]) }
+                Seed { place, along: first * Complex64::new(cosine, sine) }
             })
         })
     }
@@ -386,25 +388,26 @@ impl Hatching<'_> {
         let mut seeds = Vec::new();
         let mut since = self.spacing;
         for (pair, &face) in line.points.windows(2).zip(&line.faces) {
-            let piece = [0, 1, 2].map(|i| (pair[1][i] - pair[0][i]) * scale);
-            since += piece.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let [from, to] = [pair[0], pair[1]].map(Vector3);
+            let piece = (to - from) * scale;
+            since += piece.norm();
             if since < self.spacing {
                 continue;
             }
             since = 0.0;
             let along = frames.from_world(face as usize, piece);
-            let size = along[0].hypot(along[1]);
+            let size = along.norm();
             if !(size > 0.0) {
                 continue;
             }
-            let middle = [0, 1, 2].map(|i| 0.5 * (pair[0][i] + pair[1][i]));
+            let middle = 0.5 * (from + to);
             let Some(place) = self.place_of(face, middle) else { continue };
-            let along = along.map(|x| x / size);
+            let along = along / size;
             for side in [1.0, -1.0] {
-                let across = [-side * along[1], side * along[0]];
+                let across = Complex64::new(-side * along.im, side * along.re);
                 if let Some((there, carried, turned)) = self.walk(place, across, 1.02 * self.spacing) {
                     let side = if turned { -side } else { side };
-                    seeds.extend(self.families(there, [side * carried[1], -side * carried[0]]).take(1));
+                    seeds.extend(self.families(there, Complex64::new(side * carried.im, -side * carried.re)).take(1));
                 }
             }
             seeds.extend(self.families(place, along).skip(1));
@@ -413,14 +416,14 @@ impl Hatching<'_> {
     }
 
     /// The weights of a point in the plane of a face.
-    fn place_of(&self, face: u32, position: [f64; 3]) -> Option<Place> {
+    fn place_of(&self, face: u32, position: Vector3) -> Option<Place> {
         let frames = self.surface.frames();
         let scale = 1.0 / frames.area().sqrt();
-        let origin = self.surface.mesh().positions[self.surface.mesh().faces[face as usize][0] as usize];
-        let p = frames.from_world(face as usize, [0, 1, 2].map(|i| (position[i] - origin[i]) * scale));
+        let origin = self.surface.mesh().point(self.surface.mesh().faces[face as usize][0]);
+        let p = frames.from_world(face as usize, (position - origin) * scale);
         let [_, b, c] = self.corners(face);
-        let whole = b[0] * c[1] - b[1] * c[0];
-        let (v, w) = ((p[0] * c[1] - p[1] * c[0]) / whole, (b[0] * p[1] - b[1] * p[0]) / whole);
+        let whole = outer(b, c);
+        let (v, w) = (outer(p, c) / whole, outer(b, p) / whole);
         let at = [1.0 - v - w, v, w].map(|x: f64| x.clamp(0.0, 1.0));
         let sum: f64 = at.iter().sum();
         (sum > 0.5 && sum.is_finite()).then(|| Place { face, at: at.map(|x| x / sum) })
@@ -428,13 +431,13 @@ impl Hatching<'_> {
 
     /// Straight ahead for a distance, the direction there, and whether left and right have changed; `None` at a
     /// boundary.
-    fn walk(&self, from: Place, direction: Planar, distance: f64) -> Option<(Place, Planar, bool)> {
+    fn walk(&self, from: Place, direction: Complex64, distance: f64) -> Option<(Place, Complex64, bool)> {
         let (mut here, mut direction, mut rest, mut turned) = (from, direction, distance, false);
         for _ in 0..10_000 {
             let (k, at, reach) = self.exit(&here, direction)?;
             if reach >= rest {
                 let s = if reach > 0.0 { rest / reach } else { 0.0 };
-                let at = [0, 1, 2].map(|i| (1.0 - s) * here.at[i] + s * at[i]);
+                let at = between(here.at, at, s);
                 return Some((Place { face: here.face, at }, direction, turned));
             }
             rest -= reach;
@@ -444,13 +447,13 @@ impl Hatching<'_> {
         None
     }
 
-    fn sample(&self, place: &Place, direction: Planar, (line, along): (u32, f64)) -> Sample {
+    fn sample(&self, place: &Place, direction: Complex64, (line, along): (u32, f64)) -> Sample {
         let (frames, face) = (self.surface.frames(), place.face as usize);
         let (normal, direction) = (frames.normal(face), frames.to_world(face, direction));
-        Sample { point: self.point(place), normal, direction, line, along }
+        Sample { point: self.point(place), normal: normal.into(), direction: direction.into(), line, along }
     }
 
-    fn is_near(&self, place: &Place, direction: Planar, distance: f64, own: Option<(u32, f64)>) -> bool {
+    fn is_near(&self, place: &Place, direction: Complex64, distance: f64, own: Option<(u32, f64)>) -> bool {
         self.near_in(&self.samples, place, direction, distance, own)
     }
 
@@ -460,7 +463,7 @@ impl Hatching<'_> {
         &self,
         samples: &Samples,
         place: &Place,
-        direction: Planar,
+        direction: Complex64,
         distance: f64,
         own: Option<(u32, f64)>,
     ) -> bool {
@@ -472,30 +475,31 @@ impl Hatching<'_> {
         let kinds = self.kinds();
         let alike = if kinds == 1 { -1.0 } else { (std::f64::consts::FRAC_PI_2 / f64::from(kinds)).cos() };
         samples.any(point, distance, |s| {
-            let facing: f64 = (0..3).map(|i| s.normal[i] * normal[i]).sum();
-            let turned: f64 = (0..3).map(|i| s.direction[i] * direction[i]).sum();
+            let (facing, turned) = (Vector3(s.normal).dot(normal), Vector3(s.direction).dot(direction));
             let counts = own.is_none_or(|(line, along)| s.line != line || (s.along - along).abs() > 3.0 * distance);
             (facing > 0.0 || one_sided) && turned.abs() > alike && counts
         })
     }
 }
 
+/// Weights of corners a share of the way from one place in a face to another one.
+fn between(from: [f64; 3], to: [f64; 3], share: f64) -> [f64; 3] {
+    ((1.0 - share) * Vector3(from) + share * Vector3(to)).into()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::operator::frames::power;
+    use crate::operator::frames::{parts, power};
     use chladni_base::Unwatched;
     use chladni_mesh::shape::{Shape, generate};
 
-    fn along(surface: &FieldSurface, n: u32, direction: impl Fn([f64; 3]) -> [f64; 3]) -> Vec<f32> {
+    fn along(surface: &FieldSurface, n: u32, direction: impl Fn(Vector3) -> [f64; 3]) -> Vec<f32> {
         (0..surface.faces())
             .flat_map(|f| {
-                let c = [0, 1, 2].map(|i| {
-                    surface.mesh().faces[f].iter().map(|&v| surface.mesh().positions[v as usize][i]).sum::<f64>() / 3.0
-                });
-                let v = surface.frames().from_world(f, direction(c));
-                let size = v[0].hypot(v[1]).max(1e-12);
-                power([v[0] / size, v[1] / size], n).map(|x| x as f32)
+                let c = surface.mesh().barycentre(&surface.mesh().faces[f]);
+                let v = surface.frames().from_world(f, direction(c).into());
+                parts(power(v / v.norm().max(1e-12), n)).map(|x| x as f32)
             })
             .collect()
     }

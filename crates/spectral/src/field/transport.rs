@@ -14,6 +14,7 @@ use chladni_base::Monitor;
 use super::basis::FieldError;
 use super::poisson::{Factor, PoissonError};
 use super::surface::FieldSurface;
+use crate::operator::frames::Complex64;
 use crate::operator::hodge::FieldBoundary;
 use crate::operator::tangential::FieldOperator;
 use crate::operator::transport::FieldKind;
@@ -83,8 +84,7 @@ impl VectorHeat {
         let boundary = FieldBoundary::default();
         let operator = FieldOperator::<2>::assemble(kind, mesh, surface.dual(), frames, boundary);
         let operator = operator.map_err(FieldError::Operator)?;
-        let length = |e: [f64; 2]| e[0].hypot(e[1]);
-        let sum: f64 = (0..surface.faces()).flat_map(|f| frames.edges(f)).map(length).sum();
+        let sum: f64 = (0..surface.faces()).flat_map(|f| frames.edges(f)).map(Complex64::norm).sum();
         let mean = sum / (3 * surface.faces()).max(1) as f64;
         let extent = |i: usize| {
             let along = mesh.faces.iter().flatten().map(|&v| mesh.positions[v as usize][i]);
@@ -170,7 +170,9 @@ fn heated(matrix: &SparseMatrix, mass: impl Fn(usize) -> f64, time: f64) -> Spar
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::operator::frames::{complex, parts};
     use chladni_base::Unwatched;
+    use chladni_base::Vector3;
     use chladni_mesh::fixtures::union;
     use chladni_mesh::shape::{Shape, generate};
 
@@ -181,11 +183,11 @@ mod tests {
     #[test]
     fn on_a_plane_a_vector_stays_as_it_is() {
         let surface = surface(Shape::Violin, 800);
-        let given = [0.6, -1.1, 0.0];
-        let source = VectorSource { face: 40, vector: surface.frames().from_world(40, given) };
+        let given = Vector3::new(0.6, -1.1, 0.0);
+        let source = VectorSource { face: 40, vector: parts(surface.frames().from_world(40, given)) };
         let field = VectorHeat::new(&surface, &Unwatched).unwrap().carried(&[source]).unwrap();
         for (face, v) in field.as_chunks::<2>().0.iter().enumerate() {
-            let own = surface.frames().to_world(face, *v);
+            let own = surface.frames().to_world(face, complex(*v));
             assert!((0..3).all(|i| (own[i] - given[i]).abs() < 1e-9), "{face}: {own:?}");
         }
     }
@@ -195,7 +197,8 @@ mod tests {
         let surface = surface(Shape::Rectangle, 900);
         let last = surface.faces() as u32 - 1;
         let sources = [(0, 1.0), (last, 5.0)]
-            .map(|(face, s)| VectorSource { face, vector: surface.frames().from_world(face as usize, [s, 0.0, 0.0]) });
+            .map(|(face, s)| (face, surface.frames().from_world(face as usize, Vector3::new(s, 0.0, 0.0))))
+            .map(|(face, vector)| VectorSource { face, vector: parts(vector) });
         let field = VectorHeat::new(&surface, &Unwatched).unwrap().carried(&sources).unwrap();
         let lengths: Vec<f64> = field.as_chunks::<2>().0.iter().map(|v| v[0].hypot(v[1])).collect();
         assert!((lengths[0] - 1.0).abs() < 1e-3 && (lengths[last as usize] - 5.0).abs() < 1e-3);
@@ -208,28 +211,25 @@ mod tests {
         let surface = surface(Shape::Sphere, vertices);
         let mesh = surface.mesh();
         let centre = |face: usize| {
-            let sum: [f64; 3] =
-                std::array::from_fn(|i| mesh.faces[face].iter().map(|&v| mesh.positions[v as usize][i]).sum());
-            let length = sum.iter().map(|x| x * x).sum::<f64>().sqrt();
-            sum.map(|x| x / length)
+            let sum: Vector3 = mesh.corners(&mesh.faces[face]).into_iter().sum();
+            sum.normalized().unwrap()
         };
-        let dot = |a: [f64; 3], b: [f64; 3]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
         let (from, source) = (centre(0), VectorSource { face: 0, vector: [1.0, 0.0] });
-        let given = surface.frames().to_world(0, source.vector);
+        let given = surface.frames().to_world(0, complex(source.vector));
         let field = VectorHeat::new(&surface, &Unwatched).unwrap().carried(&[source]).unwrap();
         let (mut sum, mut count) = (0.0, 0.0);
         for (face, v) in field.as_chunks::<2>().0.iter().enumerate() {
             let to = centre(face);
-            let cosine = dot(from, to);
+            let cosine = from.dot(to);
             if cosine < -0.8 {
                 continue;
             }
             // The turn that takes one point to the other: v − (q·v)(p + q) / (1 + p·q).
-            let share = dot(to, given) / (1.0 + cosine);
-            let exact: [f64; 3] = std::array::from_fn(|i| given[i] - share * (from[i] + to[i]));
-            let own = surface.frames().to_world(face, *v);
-            assert!((dot(own, own).sqrt() - 1.0).abs() < 1e-6);
-            sum += (dot(own, exact) / (dot(own, own) * dot(exact, exact)).sqrt()).clamp(-1.0, 1.0).acos();
+            let share = to.dot(given) / (1.0 + cosine);
+            let exact = given - share * (from + to);
+            let own = surface.frames().to_world(face, complex(*v));
+            assert!((own.norm() - 1.0).abs() < 1e-6);
+            sum += (own.dot(exact) / (own.norm_squared() * exact.norm_squared()).sqrt()).clamp(-1.0, 1.0).acos();
             count += 1.0;
         }
         sum / count

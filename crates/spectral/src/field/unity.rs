@@ -13,7 +13,7 @@
 
 use chladni_base::parallel::*;
 
-use crate::operator::frames::{Planar, conjugate, multiply, normalise};
+use crate::operator::frames::{Complex64, ONE, normalise};
 use crate::operator::transport::FieldKind;
 
 use super::smooth::Small;
@@ -26,7 +26,7 @@ const LEAST: f64 = 1e-3;
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Parts {
     trace: f64,
-    turning: Planar,
+    turning: Complex64,
 }
 
 impl Parts {
@@ -40,18 +40,18 @@ impl Parts {
             let trace = 0.5 * (b[0][0] + b[0][1] + b[1][0] + b[1][1]);
             let like = 0.5 * (b[0][0] - b[0][1] - b[1][0] + b[1][1]);
             let (up, down) = ((b[i][0] - b[i][1]) / 2f64.sqrt(), (b[0][i] - b[1][i]) / 2f64.sqrt());
-            return Self { trace, turning: [0.5 * (like + sign * b[i][i]), 0.5 * (up - sign * down)] };
+            return Self { trace, turning: 0.5 * Complex64::new(like + sign * b[i][i], up - sign * down) };
         }
-        Self { trace: 0.0, turning: [0.5 * (b[0][0] + sign * b[1][1]), 0.5 * (b[1][0] - sign * b[0][1])] }
+        Self { trace: 0.0, turning: 0.5 * Complex64::new(b[0][0] + sign * b[1][1], b[1][0] - sign * b[0][1]) }
     }
 
     fn size(self) -> f64 {
-        self.turning[0].hypot(self.turning[1])
+        self.turning.norm()
     }
 
     /// The same carried back by the phase that a block had before.
     fn carried_back(self, before: Self) -> Self {
-        Self { turning: multiply(self.turning, conjugate(normalise(before.turning))), ..self }
+        Self { turning: self.turning * normalise(before.turning).conj(), ..self }
     }
 }
 
@@ -76,7 +76,7 @@ pub(super) fn divide<const B: usize>(kind: FieldKind, columns: &mut [Column<B>],
         for (&face, weight) in column.faces.iter().zip(weights) {
             let sum = &mut sums[face as usize];
             sum.trace += weight.trace;
-            sum.turning = [sum.turning[0] + weight.turning[0], sum.turning[1] + weight.turning[1]];
+            sum.turning += weight.turning;
         }
     }
     let inverses: Vec<Small<B>> = sums.into_par_iter().map(|sum| inverse(kind, sum)).collect();
@@ -91,9 +91,8 @@ pub(super) fn divide<const B: usize>(kind: FieldKind, columns: &mut [Column<B>],
 
 /// The block that undoes a sum; the identity where there is nearly none.
 fn inverse<const B: usize>(kind: FieldKind, sum: Parts) -> Small<B> {
-    let square = sum.turning[0].powi(2) + sum.turning[1].powi(2);
-    let turning = if square > LEAST * LEAST { conjugate(sum.turning).map(|x| x / square) } else { [1.0, 0.0] };
-    let [c, s] = turning;
+    let square = sum.turning.norm_sqr();
+    let Complex64 { re: c, im: s } = if square > LEAST * LEAST { sum.turning.conj() / square } else { ONE };
     let mut block = [[0.0f32; B]; B];
     if kind == (FieldKind::Tensor {}) && B == 3 {
         let trace = if sum.trace.abs() > LEAST { 1.0 / sum.trace } else { 1.0 };
@@ -120,7 +119,8 @@ mod tests {
     fn block<const B: usize>(kind: FieldKind, angle: f64, size: f64) -> Small<B> {
         let order = f64::from(kind.order());
         let (s, c) = (order * angle).sin_cos();
-        transport_block::<B>(kind, Turn { by: [c, s], mirrored: false }).map(|row| row.map(|x| (size * x) as f32))
+        transport_block::<B>(kind, Turn { by: Complex64::new(c, s), mirrored: false })
+            .map(|row| row.map(|x| (size * x) as f32))
     }
 
     fn check<const B: usize>(kind: FieldKind) {
@@ -144,8 +144,8 @@ mod tests {
             let mut sum = [[0.0f32; B]; B];
             for (k, column) in columns.iter().enumerate() {
                 let Some(at) = column.faces.iter().position(|&f| f == face) else { continue };
-                let [c, s] = normalise(Parts::of(kind, &before[k][at], false).turning);
-                let back = transport_block::<B>(kind, Turn { by: [c, -s], mirrored: false });
+                let by = normalise(Parts::of(kind, &before[k][at], false).turning).conj();
+                let back = transport_block::<B>(kind, Turn { by, mirrored: false });
                 for i in 0..B {
                     for j in 0..B {
                         sum[i][j] += (0..B).map(|l| column.blocks[at][i][l] * back[l][j] as f32).sum::<f32>();

@@ -10,7 +10,7 @@ use chladni_algebra::{DenseMatrix, FactorError, SparseMatrix};
 use chladni_base::parallel::*;
 
 use crate::basis::FieldBasis;
-use crate::operator::frames::Planar;
+use crate::operator::frames::Complex64;
 
 use super::alignment::{Alignment, Prescription};
 use super::constraints::{Condition, Slack, check, conditions, near, residuals, without_repetitions};
@@ -276,7 +276,7 @@ impl WeightedModel {
         let start = match (turn, &self.turned) {
             (Some(turn), Some([along, across])) => {
                 let mix = |free: &[f64], a: &[f64], b: &[f64]| -> Vec<f64> {
-                    free.iter().zip(a.iter().zip(b)).map(|(f, (a, b))| f + turn[0] * a + turn[1] * b).collect()
+                    free.iter().zip(a.iter().zip(b)).map(|(f, (a, b))| f + turn.re * a + turn.im * b).collect()
                 };
                 Pull {
                     force: mix(&self.free.force, &along.force, &across.force),
@@ -371,7 +371,13 @@ impl WeightedModel {
     }
 
     /// The conditions around prescribed singularities, their lengths read from a field.
-    fn around(&self, basis: &FieldBasis, prescription: &Prescription, turn: Planar, field: &[f64]) -> Vec<Condition> {
+    fn around(
+        &self,
+        basis: &FieldBasis,
+        prescription: &Prescription,
+        turn: Complex64,
+        field: &[f64],
+    ) -> Vec<Condition> {
         let (b, target) = (basis.space.block(), &prescription.field);
         let spacing = (basis.space.groups().max(1) as f64).sqrt();
         let mut all = Vec::new();
@@ -468,7 +474,7 @@ impl WeightedModel {
     fn finish(
         &self,
         found: Pull,
-        turn: Option<Planar>,
+        turn: Option<Complex64>,
         residuals: Vec<f64>,
         coefficients: Option<Vec<f32>>,
     ) -> Result<Design, DesignError> {
@@ -507,7 +513,7 @@ impl WeightedModel {
     }
 
     /// How far a field is from those that it is to stay close to.
-    fn deviation(&self, own: &[f64], turn: Option<Planar>) -> Option<f64> {
+    fn deviation(&self, own: &[f64], turn: Option<Complex64>) -> Option<f64> {
         let product = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
         let ritz = matches!(self.inverse, Inverse::Ritz(_));
         let target = |field: &Alignment| product(own, if ritz { &field.projected } else { &field.reduced });
@@ -524,7 +530,7 @@ impl WeightedModel {
             sum = Some(sum.unwrap_or(0.0) + one.max(0.0));
         }
         if let (Some((p, _)), Some(turn)) = (&self.prescription, turn) {
-            let mixed = turn[0] * target(&p.along) + turn[1] * target(&p.across);
+            let mixed = turn.re * target(&p.along) + turn.im * target(&p.across);
             let one = square(None) - 2.0 * mixed + p.along.constant;
             sum = Some(sum.unwrap_or(0.0) + one.max(0.0));
         }

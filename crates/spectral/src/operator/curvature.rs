@@ -6,14 +6,12 @@
 //! a vertex is the mean over its faces, weighted by area, each turned into the plane of the vertex. A sphere with
 //! outward normals has positive curvatures.
 
+use chladni_base::Vector3;
 use chladni_base::parallel::*;
 use chladni_mesh::TriangleMesh;
 
 use super::corners::Corners;
-use super::frames::{cross, dot, minus};
 use super::{OperatorError, laplace};
-
-type Vector = [f64; 3];
 
 /// Principal curvatures and directions at every vertex.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -59,51 +57,45 @@ pub(super) struct Surface<'a> {
     mesh: &'a TriangleMesh,
     scale: f64,
     /// Unit normal and area; zeros for faces without area.
-    faces: Vec<(Vector, f64)>,
-}
-
-fn unit(a: Vector) -> Option<Vector> {
-    let length = dot(a, a).sqrt();
-    (length > 0.0).then(|| a.map(|x| x / length))
+    faces: Vec<(Vector3, f64)>,
 }
 
 impl<'a> Surface<'a> {
     pub fn new(mesh: &'a TriangleMesh, measured: &laplace::Measured) -> Self {
         let scale = measured.scale;
-        let at = |v: u32| mesh.positions[v as usize].map(|x| x * scale);
         let faces = mesh
             .faces
             .par_iter()
             .zip(&measured.shapes)
-            .map(|(&face, shape)| {
+            .map(|(face, shape)| {
                 if shape.area == 0.0 {
-                    return ([0.0; 3], 0.0);
+                    return (Vector3::ZERO, 0.0);
                 }
-                let [p, q, r] = face.map(at);
-                unit(cross(minus(q, p), minus(r, p))).map_or(([0.0; 3], 0.0), |normal| (normal, shape.area))
+                let [p, q, r] = mesh.corners(face).map(|p| p * scale);
+                (q - p).cross(r - p).normalized().map_or((Vector3::ZERO, 0.0), |normal| (normal, shape.area))
             })
             .collect();
         Self { mesh, scale, faces }
     }
 
     /// As [`vertex_normals`].
-    pub fn normals(&self, corners: &Corners) -> Vec<Vector> {
+    pub fn normals(&self, corners: &Corners) -> Vec<[f64; 3]> {
         (0..self.mesh.positions.len())
             .into_par_iter()
             .with_min_len(4096)
             .map(|v| {
-                let (mut sum, mut total, mut largest) = ([0.0; 3], 0.0, ([0.0, 0.0, 1.0], 0.0));
+                let (mut sum, mut total, mut largest) = (Vector3::ZERO, 0.0, (Vector3::AXES[2], 0.0));
                 for &corner in corners.on(v) {
                     let (normal, area) = self.faces[corner as usize / 3];
                     total += area;
-                    (0..3).for_each(|k| sum[k] += area * normal[k]);
+                    sum += area * normal;
                     if area > largest.1 {
                         largest = (normal, area);
                     }
                 }
                 // Less than this is what rounding leaves of normals that cancel.
-                let telling = dot(sum, sum).sqrt() > 1e-9 * total;
-                unit(sum).filter(|_| telling).unwrap_or(largest.0)
+                let telling = sum.norm() > 1e-9 * total;
+                sum.normalized().filter(|_| telling).unwrap_or(largest.0).into()
             })
             .collect()
     }
@@ -116,18 +108,17 @@ impl<'a> Surface<'a> {
             return operator;
         }
         let [a, b, c] = self.mesh.faces[face];
-        let at = |v: u32| self.mesh.positions[v as usize].map(|x| x * self.scale);
-        let [p, q, r] = [a, b, c].map(at);
+        let [p, q, r] = [a, b, c].map(|v| self.mesh.point(v) * self.scale);
         // Edge k is opposite to corner k.
-        let edges = [minus(r, q), minus(p, r), minus(q, p)];
+        let edges = [r - q, p - r, q - p];
         let normals = [
             self.middle_normal(face, b, c, corners),
             self.middle_normal(face, c, a, corners),
             self.middle_normal(face, a, b, corners),
         ];
-        let q = [0, 1, 2].map(|k| 2.0 * dot(minus(normals[(k + 1) % 3], normals[(k + 2) % 3]), edges[k]));
+        let q: [f64; 3] = std::array::from_fn(|k| 2.0 * (normals[(k + 1) % 3] - normals[(k + 2) % 3]).dot(edges[k]));
         for k in 0..3 {
-            let t = cross(edges[k], n);
+            let t = edges[k].cross(n);
             let weight = (q[(k + 1) % 3] + q[(k + 2) % 3] - q[k]) / (8.0 * area * area);
             for i in 0..3 {
                 for j in 0..3 {
@@ -139,7 +130,7 @@ impl<'a> Surface<'a> {
     }
 
     /// The normal at the middle of the edge from `from` to `to` of a face.
-    fn middle_normal(&self, face: usize, from: u32, to: u32, corners: &Corners) -> Vector {
+    fn middle_normal(&self, face: usize, from: u32, to: u32, corners: &Corners) -> Vector3 {
         let own = self.faces[face].0;
         let mut other = None;
         // Around the end with fewer faces: the hub of a fan would be gone around once for each of them.
@@ -160,11 +151,11 @@ impl<'a> Surface<'a> {
                 let k = corner as usize % 3;
                 let forth = if swapped { there[(k + 2) % 3] == from } else { there[(k + 1) % 3] == to };
                 let sign = if forth { -1.0 } else { 1.0 };
-                other = Some(self.faces[f].0.map(|x| sign * x));
+                other = Some(sign * self.faces[f].0);
             }
         }
         let Some(other) = other else { return own };
-        unit([own[0] + other[0], own[1] + other[1], own[2] + other[2]]).unwrap_or(own)
+        (own + other).normalized().unwrap_or(own)
     }
 
     /// As [`curvatures`].
@@ -172,15 +163,16 @@ impl<'a> Surface<'a> {
         let normals = self.normals(corners);
         let operators: Vec<[[f64; 3]; 3]> =
             (0..self.faces.len()).into_par_iter().with_min_len(1024).map(|f| self.shape_operator(f, corners)).collect();
-        let rows: Vec<(f64, f64, Vector)> = normals
+        let rows: Vec<(f64, f64, Vector3)> = normals
             .par_iter()
             .enumerate()
             .with_min_len(1024)
             .map(|(v, &normal)| {
                 // Any two unit vectors of the plane.
-                let axis = if normal[0].abs() < 0.6 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
-                let x = unit(cross(axis, normal)).unwrap_or([1.0, 0.0, 0.0]);
-                let y = cross(normal, x);
+                let normal = Vector3(normal);
+                let axis = if normal[0].abs() < 0.6 { Vector3::AXES[0] } else { Vector3::AXES[1] };
+                let x = axis.cross(normal).normalized().unwrap_or(Vector3::AXES[0]);
+                let y = normal.cross(x);
                 let (mut sum, mut total) = ([0.0; 3], 0.0);
                 for &corner in corners.on(v) {
                     let (face_normal, area) = self.faces[corner as usize / 3];
@@ -189,13 +181,13 @@ impl<'a> Surface<'a> {
                     }
                     let operator = &operators[corner as usize / 3];
                     // Seen from its front, wherever the normals of a vertex and its face agree.
-                    let sign = if dot(face_normal, normal) < 0.0 { -1.0 } else { 1.0 };
-                    let along = [x, y].map(|axis| turned(axis, normal, face_normal.map(|c| sign * c)));
-                    let applied = along.map(|a| [0, 1, 2].map(|i| dot(operator[i], a)));
+                    let sign = if face_normal.dot(normal) < 0.0 { -1.0 } else { 1.0 };
+                    let along = [x, y].map(|axis| turned(axis, normal, sign * face_normal));
+                    let applied = along.map(|a| Vector3(operator.map(|row| Vector3(row).dot(a))));
                     let weight = sign * area;
-                    sum[0] += weight * dot(along[0], applied[0]);
-                    sum[1] += weight * dot(along[0], applied[1]);
-                    sum[2] += weight * dot(along[1], applied[1]);
+                    sum[0] += weight * along[0].dot(applied[0]);
+                    sum[1] += weight * along[0].dot(applied[1]);
+                    sum[2] += weight * along[1].dot(applied[1]);
                     total += area;
                 }
                 if total == 0.0 {
@@ -206,7 +198,7 @@ impl<'a> Surface<'a> {
                 let radius = half.hypot(xy);
                 // The eigenvector of mean + radius, from whichever row of T − κ₂ is larger.
                 let (s, t) = if half >= 0.0 { (half + radius, xy) } else { (xy, radius - half) };
-                let direction = unit([0, 1, 2].map(|k| s * x[k] + t * y[k])).unwrap_or(x);
+                let direction = (s * x + t * y).normalized().unwrap_or(x);
                 (mean + radius, mean - radius, direction)
             })
             .collect();
@@ -214,17 +206,16 @@ impl<'a> Surface<'a> {
             normals,
             largest: rows.iter().map(|row| row.0).collect(),
             smallest: rows.iter().map(|row| row.1).collect(),
-            directions: rows.iter().map(|row| row.2).collect(),
+            directions: rows.iter().map(|row| row.2.into()).collect(),
         }
     }
 }
 
 /// A vector of the plane with normal `from`, turned with it into `to` by the shortest rotation; the two are not
 /// opposite.
-fn turned(vector: Vector, from: Vector, to: Vector) -> Vector {
-    let axis = cross(from, to);
-    let cosine = dot(from, to);
-    let across = cross(axis, vector);
-    let along = dot(axis, vector) / (1.0 + cosine);
-    [0, 1, 2].map(|k| cosine * vector[k] + across[k] + along * axis[k])
+fn turned(vector: Vector3, from: Vector3, to: Vector3) -> Vector3 {
+    let axis = from.cross(to);
+    let cosine = from.dot(to);
+    let along = axis.dot(vector) / (1.0 + cosine);
+    cosine * vector + axis.cross(vector) + along * axis
 }

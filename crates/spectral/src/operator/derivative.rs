@@ -11,12 +11,11 @@
 use std::ops::Range;
 
 use chladni_base::parallel::*;
-use chladni_base::{Cancelled, Monitor};
+use chladni_base::{Cancelled, Monitor, Vector3};
 use chladni_mesh::intrinsic::TriangleShape;
 use chladni_mesh::{TetMesh, TriangleMesh};
 
 use super::MassKind;
-use super::frames::{cross, dot, minus};
 use super::volume::shape;
 use chladni_algebra::vectorized;
 
@@ -113,7 +112,7 @@ struct Sums<'a, const C: usize, const P: usize> {
 
 /// The volume of an element and the gradients of its hat functions; `None` where it has no volume, and no part in the
 /// operator.
-type Hats<const C: usize> = Option<(f64, [[f64; 3]; C])>;
+type Hats<const C: usize> = Option<(f64, [Vector3; C])>;
 
 impl<'a, const C: usize, const P: usize> Sums<'a, C, P> {
     fn new(elements: &'a [[u32; C]], vertices: usize, consistent: bool) -> Self {
@@ -185,9 +184,9 @@ impl<'a, const C: usize, const P: usize> Sums<'a, C, P> {
         hats: impl Fn(&[u32; C]) -> Hats<C> + Sync,
         monitor: &dyn Monitor,
     ) -> Result<Vec<[f64; 3]>, Cancelled> {
-        let mut gradient = vec![[0.0; 3]; self.squares.len()];
+        let mut gradient = vec![Vector3::ZERO; self.squares.len()];
         let at_once = ELEMENTS_PER_TASK * TASKS_AT_ONCE;
-        let mut parts = vec![[[0.0; 3]; C]; self.elements.len().min(at_once)];
+        let mut parts = vec![[Vector3::ZERO; C]; self.elements.len().min(at_once)];
         for (at, elements) in self.elements.chunks(at_once).enumerate() {
             let first = at * at_once;
             let parts = &mut parts[..elements.len()];
@@ -195,23 +194,20 @@ impl<'a, const C: usize, const P: usize> Sums<'a, C, P> {
                 monitor.checkpoint()?;
                 for (element, part) in (first + task * ELEMENTS_PER_TASK..).zip(parts) {
                     let hats = hats(&self.elements[element]);
-                    *part = hats.map_or([[0.0; 3]; C], |(volume, hats)| self.part(element, volume, &hats));
+                    *part = hats.map_or([Vector3::ZERO; C], |(volume, hats)| self.part(element, volume, &hats));
                 }
                 Ok(())
             })?;
             // In the order of the elements, whichever thread was first.
             for (corners, parts) in elements.iter().zip(parts) {
-                for (&vertex, part) in corners.iter().zip(parts) {
-                    let sum = &mut gradient[vertex as usize];
-                    (0..3).for_each(|axis| sum[axis] += part[axis]);
-                }
+                corners.iter().zip(parts).for_each(|(&vertex, &mut part)| gradient[vertex as usize] += part);
             }
         }
-        Ok(gradient)
+        Ok(gradient.into_iter().map(Vector3::into).collect())
     }
 
     /// What an element gives its corners.
-    fn part(&self, element: usize, volume: f64, hats: &[[f64; 3]; C]) -> [[f64; 3]; C] {
+    fn part(&self, element: usize, volume: f64, hats: &[Vector3; C]) -> [Vector3; C] {
         // T = Σ_ij K_ij h_i ⊗ h_j, symmetric.
         let mut tensor = [[0.0; 3]; 3];
         for ((i, j), &stiff) in pairs::<C>().zip(&self.edges[element]) {
@@ -230,8 +226,8 @@ impl<'a, const C: usize, const P: usize> Sums<'a, C, P> {
         };
         let trace = tensor[0][0] + tensor[1][1] + tensor[2][2];
         hats.map(|hat| {
-            let turned = tensor.map(|row| row[0] * hat[0] + row[1] * hat[1] + row[2] * hat[2]);
-            [0, 1, 2].map(|axis| volume * ((trace + masses) * hat[axis] - 2.0 * turned[axis]))
+            let turned = Vector3(tensor.map(|row| Vector3(row).dot(hat)));
+            volume * ((trace + masses) * hat - 2.0 * turned)
         })
     }
 }
@@ -324,19 +320,19 @@ fn add_totals<T: Number, const C: usize>((elements, totals, rows, weights): Pass
 }
 
 fn triangle(positions: &[[f64; 3]], corners: &[u32; 3]) -> Hats<3> {
-    let p = corners.map(|v| positions[v as usize]);
+    let p = corners.map(|v| Vector3(positions[v as usize]));
     // What the operator takes for flat has no part in it.
     let area = TriangleShape::of_corners(p).area;
-    let edges = [0, 1, 2].map(|k| minus(p[(k + 2) % 3], p[(k + 1) % 3]));
-    let normal = cross(edges[0], edges[1]);
-    let square = dot(normal, normal);
-    (area > 0.0 && square > 0.0).then(|| (area, edges.map(|edge| cross(normal, edge).map(|x| x / square))))
+    let edges: [Vector3; 3] = std::array::from_fn(|k| p[(k + 2) % 3] - p[(k + 1) % 3]);
+    let normal = edges[0].cross(edges[1]);
+    let square = normal.norm_squared();
+    (area > 0.0 && square > 0.0).then(|| (area, edges.map(|edge| normal.cross(edge) / square)))
 }
 
 fn tetrahedron(positions: &[[f64; 3]], corners: &[u32; 4]) -> Hats<4> {
-    let p = corners.map(|v| positions[v as usize]);
+    let p = corners.map(|v| Vector3(positions[v as usize]));
     let (six, gradients) = shape(p);
     // The gradients are those over six volumes with their sign, which products of two have not.
-    let signed = dot(minus(p[1], p[0]), gradients[1]);
-    (six > 0.0).then(|| (six / 6.0, gradients.map(|gradient| gradient.map(|x| x / signed))))
+    let signed = (p[1] - p[0]).dot(gradients[1]);
+    (six > 0.0).then(|| (six / 6.0, gradients.map(|gradient| gradient / signed)))
 }

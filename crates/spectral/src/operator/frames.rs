@@ -1,50 +1,66 @@
 //! A frame in every face, and what it takes to compare numbers of neighbouring faces.
 //!
 //! The frame of a face: `x` its normalised first edge, from corner 0 to corner 1, and `y = n × x` (thesis, appendix
-//! 3.A). `J` turns by +90° in it. A vector field is two numbers per face, a symmetric tensor field three.
+//! 3.A). In it a vector is a complex number, `x + i y`, and `J`, which turns by +90°, the product with `i`. A vector
+//! field is two numbers per face, a symmetric tensor field three.
 
+use chladni_base::Vector3;
 use chladni_base::parallel::*;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::dual::{DualGraph, NO_FACE};
 
 use super::OperatorError;
 
-/// A vector in the frame of a face, or a complex number.
-pub type Planar = [f64; 2];
+pub use num_complex::Complex64;
+
+/// The number 1.
+pub const ONE: Complex64 = Complex64::new(1.0, 0.0);
 
 /// Faces below this share of the mean area count as having no area: they get this much.
 const LEAST_AREA: f64 = 1e-9;
 
-/// The product of two complex numbers.
-#[inline(always)]
-pub fn multiply(a: Planar, b: Planar) -> Planar {
-    [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]]
-}
-
-/// The complex conjugate.
-#[inline(always)]
-pub fn conjugate(a: Planar) -> Planar {
-    [a[0], -a[1]]
-}
-
 /// A complex number divided by its magnitude; 1 where it has none.
 #[inline(always)]
-pub fn normalise(a: Planar) -> Planar {
-    let length = a[0].hypot(a[1]);
-    if length > 1e-300 && length.is_finite() { [a[0] / length, a[1] / length] } else { [1.0, 0.0] }
+pub fn normalise(a: Complex64) -> Complex64 {
+    let length = a.norm();
+    if length > 1e-300 && length.is_finite() { a / length } else { ONE }
 }
 
-/// A natural power of a complex number.
-pub fn power(a: Planar, n: u32) -> Planar {
-    let (mut result, mut square, mut rest) = ([1.0, 0.0], a, n);
+/// A natural power of a complex number, by squares: the same products in the same order for every `n`.
+pub fn power(a: Complex64, n: u32) -> Complex64 {
+    let (mut result, mut square, mut rest) = (ONE, a, n);
     while rest > 0 {
         if rest & 1 == 1 {
-            result = multiply(result, square);
+            result *= square;
         }
-        square = multiply(square, square);
+        square *= square;
         rest >>= 1;
     }
     result
+}
+
+/// The two coordinates of a number, as they are stored in flat arrays.
+#[inline(always)]
+pub const fn parts(z: Complex64) -> [f64; 2] {
+    [z.re, z.im]
+}
+
+/// The number of two coordinates as they are stored in flat arrays.
+#[inline(always)]
+pub const fn complex([x, y]: [f64; 2]) -> Complex64 {
+    Complex64::new(x, y)
+}
+
+/// `a · b` of two vectors of a frame: the real part of `ā b`.
+#[inline(always)]
+pub fn inner(a: Complex64, b: Complex64) -> f64 {
+    a.re * b.re + a.im * b.im
+}
+
+/// `a × b` of two vectors of a frame: the imaginary part of `ā b`.
+#[inline(always)]
+pub fn outer(a: Complex64, b: Complex64) -> f64 {
+    a.re * b.im - a.im * b.re
 }
 
 /// What carries numbers from one face into another one: `z ↦ by · z`, and between faces of opposite orientation
@@ -52,19 +68,19 @@ pub fn power(a: Planar, n: u32) -> Planar {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Turn {
     /// A unit number.
-    pub by: Planar,
+    pub by: Complex64,
     /// Whether the orientations are opposite.
     pub mirrored: bool,
 }
 
 impl Turn {
     /// What leaves everything as it is.
-    pub const NONE: Self = Self { by: [1.0, 0.0], mirrored: false };
+    pub const NONE: Self = Self { by: ONE, mirrored: false };
 
     /// What becomes of a number.
     #[inline(always)]
-    pub fn of(self, z: Planar) -> Planar {
-        multiply(self.by, if self.mirrored { conjugate(z) } else { z })
+    pub fn of(self, z: Complex64) -> Complex64 {
+        self.by * if self.mirrored { z.conj() } else { z }
     }
 
     /// This one after another one.
@@ -76,7 +92,7 @@ impl Turn {
     /// The way back.
     #[inline(always)]
     pub fn inverse(self) -> Self {
-        Self { by: if self.mirrored { self.by } else { conjugate(self.by) }, ..self }
+        Self { by: if self.mirrored { self.by } else { self.by.conj() }, ..self }
     }
 
     /// What carries the `n`-th powers of numbers.
@@ -87,10 +103,9 @@ impl Turn {
     /// The mean of several with weights; those of the orientation that has less weight do not count, since there is
     /// nothing between the two.
     pub fn mean(all: impl IntoIterator<Item = (f64, Self)>) -> Self {
-        let (mut sums, mut weights) = ([[0.0; 2]; 2], [0.0; 2]);
+        let (mut sums, mut weights) = ([Complex64::ZERO; 2], [0.0; 2]);
         for (weight, Self { by, mirrored }) in all {
-            let sum = &mut sums[usize::from(mirrored)];
-            *sum = [sum[0] + weight * by[0], sum[1] + weight * by[1]];
+            sums[usize::from(mirrored)] += weight * by;
             weights[usize::from(mirrored)] += weight;
         }
         let mirrored = weights[1] > weights[0];
@@ -101,9 +116,9 @@ impl Turn {
 /// The frames of all faces, their edges in them, and areas; edges and areas on the surface scaled to unit area.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FaceFrames {
-    x: Vec<[f64; 3]>,
-    y: Vec<[f64; 3]>,
-    edges: Vec<[Planar; 3]>,
+    x: Vec<Vector3>,
+    y: Vec<Vector3>,
+    edges: Vec<[Complex64; 3]>,
     areas: Vec<f64>,
     area: f64,
     degenerate: usize,
@@ -159,18 +174,18 @@ impl FaceFrames {
     }
 
     /// The first axes of all faces, unit vectors in ℝ³.
-    pub fn x_axes(&self) -> &[[f64; 3]] {
+    pub fn x_axes(&self) -> &[Vector3] {
         &self.x
     }
 
     /// The second axes of all faces, unit vectors in ℝ³.
-    pub fn y_axes(&self) -> &[[f64; 3]] {
+    pub fn y_axes(&self) -> &[Vector3] {
         &self.y
     }
 
     /// The unit normal of a face.
-    pub fn normal(&self, face: usize) -> [f64; 3] {
-        cross(self.x[face], self.y[face])
+    pub fn normal(&self, face: usize) -> Vector3 {
+        self.x[face].cross(self.y[face])
     }
 
     /// The areas of the faces; they add up to 1.
@@ -189,7 +204,7 @@ impl FaceFrames {
     }
 
     /// The edges of a face in its frame, counter-clockwise, edge `k` opposite to corner `k`; unit area.
-    pub fn edges(&self, face: usize) -> [Planar; 3] {
+    pub fn edges(&self, face: usize) -> [Complex64; 3] {
         self.edges[face]
     }
 
@@ -203,19 +218,18 @@ impl FaceFrames {
         let j = dual.slot(neighbour, dual.edges(face)[k]);
         let (own, other) = (self.edges[face][k], self.edges[neighbour as usize][j]);
         let mirrored = dual.is_mirrored(face, k);
-        let by = if mirrored { multiply(own, other) } else { multiply([-own[0], -own[1]], conjugate(other)) };
+        let by = if mirrored { own * other } else { -own * other.conj() };
         Some(Turn { by: normalise(by), mirrored })
     }
 
     /// A vector of a frame in ℝ³.
-    pub fn to_world(&self, face: usize, v: Planar) -> [f64; 3] {
-        let (x, y) = (self.x[face], self.y[face]);
-        [0, 1, 2].map(|i| v[0] * x[i] + v[1] * y[i])
+    pub fn to_world(&self, face: usize, v: Complex64) -> Vector3 {
+        v.re * self.x[face] + v.im * self.y[face]
     }
 
     /// A vector in ℝ³ in a frame; its normal part is lost.
-    pub fn from_world(&self, face: usize, v: [f64; 3]) -> Planar {
-        [dot(v, self.x[face]), dot(v, self.y[face])]
+    pub fn from_world(&self, face: usize, v: Vector3) -> Complex64 {
+        Complex64::new(v.dot(self.x[face]), v.dot(self.y[face]))
     }
 
     /// The same frames, each turned by its own angle, given as unit numbers: what was `v` in the old frame is
@@ -223,64 +237,48 @@ impl FaceFrames {
     ///
     /// # Panics
     /// Unless there is a turn for each face.
-    pub fn turned(&self, turns: &[Planar]) -> Self {
+    pub fn turned(&self, turns: &[Complex64]) -> Self {
         assert_eq!(turns.len(), self.faces(), "turns, faces");
         let mut turned = self.clone();
         for (face, &turn) in turns.iter().enumerate() {
             let turn = normalise(turn);
             turned.x[face] = self.to_world(face, turn);
-            turned.y[face] = self.to_world(face, [-turn[1], turn[0]]);
-            turned.edges[face] = self.edges[face].map(|e| multiply(e, conjugate(turn)));
+            turned.y[face] = self.to_world(face, Complex64::new(-turn.im, turn.re));
+            turned.edges[face] = self.edges[face].map(|e| e * turn.conj());
         }
         turned
     }
 }
 
 struct Face {
-    x: [f64; 3],
-    y: [f64; 3],
-    edges: [Planar; 3],
+    x: Vector3,
+    y: Vector3,
+    edges: [Complex64; 3],
     area: f64,
 }
 
 impl Face {
     fn new(mesh: &TriangleMesh, face: &[u32; 3], unit: f64) -> Self {
-        let p = face.map(|v| mesh.positions[v as usize]);
-        let between = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|i| (b[i] - a[i]) * unit);
-        let e = [between(p[1], p[2]), between(p[2], p[0]), between(p[0], p[1])];
-        let normal = cross(e[2], e[0]);
-        let doubled = dot(normal, normal).sqrt();
+        let [p, q, r] = mesh.corners(face);
+        let e = [(r - q) * unit, (p - r) * unit, (q - p) * unit];
+        let normal = e[2].cross(e[0]);
+        let doubled = normal.norm();
         // The first edge, unless it has no length.
-        let first = [e[2], e[0], e[1]].into_iter().find(|e| dot(*e, *e) > 1e-60).unwrap_or([1.0, 0.0, 0.0]);
+        let first = [e[2], e[0], e[1]].into_iter().find(|e| e.norm_squared() > 1e-60).unwrap_or(Vector3::AXES[0]);
         let x = unit_vector(first);
-        let longest = e.iter().map(|e| dot(*e, *e)).fold(0.0, f64::max);
+        let longest = e.iter().map(|e| e.norm_squared()).fold(0.0, f64::max);
         let y = if doubled > 4.0 * f64::EPSILON * longest {
-            unit_vector(cross(normal.map(|c| c / doubled), x))
+            unit_vector((normal / doubled).cross(x))
         } else {
             let least = (0..3).min_by(|&i, &j| x[i].abs().total_cmp(&x[j].abs())).unwrap_or(0);
-            let mut axis = [0.0; 3];
-            axis[least] = 1.0;
-            unit_vector(cross(axis, x))
+            unit_vector(Vector3::AXES[least].cross(x))
         };
-        Self { x, y, edges: e.map(|e| [dot(e, x), dot(e, y)]), area: 0.5 * doubled }
+        Self { x, y, edges: e.map(|e| Complex64::new(e.dot(x), e.dot(y))), area: 0.5 * doubled }
     }
 }
 
-pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub(crate) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-pub(crate) fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-pub(crate) fn unit_vector(a: [f64; 3]) -> [f64; 3] {
-    let length = dot(a, a).sqrt();
-    if length > 0.0 { a.map(|c| c / length) } else { [1.0, 0.0, 0.0] }
+pub(crate) fn unit_vector(a: Vector3) -> Vector3 {
+    a.normalized().unwrap_or(Vector3::AXES[0])
 }
 
 #[cfg(test)]
@@ -295,17 +293,17 @@ mod tests {
         let scale = 1.0 / frames.area().sqrt();
         assert!((frames.areas().iter().sum::<f64>() - 1.0).abs() < 1e-12);
         for (f, face) in mesh.faces.iter().enumerate() {
-            let p = face.map(|v| mesh.positions[v as usize]);
+            let p = mesh.corners(face);
             let n = frames.normal(f);
-            assert!(dot(n, p[0]) > 0.9, "outwards");
+            assert!(n.dot(p[0]) > 0.9, "outwards");
             for k in 0..3 {
                 let e = frames.to_world(f, frames.edges(f)[k]);
-                let expected = [0, 1, 2].map(|i| (p[(k + 2) % 3][i] - p[(k + 1) % 3][i]) * scale);
+                let expected = (p[(k + 2) % 3] - p[(k + 1) % 3]) * scale;
                 assert!((0..3).all(|i| (e[i] - expected[i]).abs() < 1e-14));
                 let back = frames.from_world(f, e);
-                assert!((back[0] - frames.edges(f)[k][0]).abs() < 1e-14);
+                assert!((back.re - frames.edges(f)[k].re).abs() < 1e-14);
             }
-            assert!(frames.edges(f)[2][1].abs() < 1e-14 && frames.edges(f)[2][0] > 0.0, "x is the first edge");
+            assert!(frames.edges(f)[2].im.abs() < 1e-14 && frames.edges(f)[2].re > 0.0, "x is the first edge");
         }
     }
 
@@ -319,8 +317,8 @@ mod tests {
                 let g = dual.neighbours(f)[k];
                 let there = frames.carry(&dual, f, k).unwrap().by;
                 let back = frames.carry(&dual, g as usize, dual.slot(g, dual.edges(f)[k])).unwrap().by;
-                let both = multiply(there, back);
-                assert!((both[0] - 1.0).abs() < 1e-13 && both[1].abs() < 1e-13);
+                let both = there * back;
+                assert!((both.re - 1.0).abs() < 1e-13 && both.im.abs() < 1e-13);
             }
         }
     }
@@ -337,19 +335,19 @@ mod tests {
         let frames = FaceFrames::new(&mesh).unwrap();
         assert_eq!(frames.degenerate_faces(), 1);
         let last = frames.faces() - 1;
-        assert!((dot(frames.normal(last), frames.normal(last)) - 1.0).abs() < 1e-12);
+        assert!((frames.normal(last).norm_squared() - 1.0).abs() < 1e-12);
         assert!(frames.areas().iter().all(|a| *a > 0.0));
     }
 
     #[test]
     fn powers_are_repeated_products() {
-        let z = normalise([0.3, -0.8]);
-        let mut product = [1.0, 0.0];
+        let z = normalise(Complex64::new(0.3, -0.8));
+        let mut product = ONE;
         for n in 0..9 {
             let p = power(z, n);
-            assert!((p[0] - product[0]).abs() < 1e-14 && (p[1] - product[1]).abs() < 1e-14);
-            product = multiply(product, z);
+            assert!((p.re - product.re).abs() < 1e-14 && (p.im - product.im).abs() < 1e-14);
+            product *= z;
         }
-        assert_eq!(normalise([0.0, 0.0]), [1.0, 0.0]);
+        assert_eq!(normalise(Complex64::ZERO), ONE);
     }
 }

@@ -15,7 +15,7 @@ use chladni_mesh::TriangleMesh;
 use chladni_mesh::dual::{DualGraph, NO_FACE};
 
 use super::EigenProblem;
-use super::frames::FaceFrames;
+use super::frames::{Complex64, FaceFrames, complex, inner, outer, parts};
 
 /// What fields of low energy do at a boundary.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize)]
@@ -74,7 +74,7 @@ fn face_gradients(
         let mut order = [0, 1, 2];
         let own = functions(face);
         order.sort_unstable_by_key(|&k| own[k]);
-        for turned in [|e: [f64; 2]| -e[1], |e: [f64; 2]| e[0]] {
+        for turned in [|e: Complex64| -e.im, |e: Complex64| e.re] {
             for k in order {
                 indices.push(own[k]);
                 values.push(scale * turned(edges[k]));
@@ -110,7 +110,7 @@ pub fn divergence(mesh: &TriangleMesh, frames: &FaceFrames, field: &[f64]) -> Ve
     let mut flow = vec![0.0; masses.len()];
     for (face, x) in field.chunks_exact(2).enumerate() {
         for (k, e) in frames.edges(face).into_iter().enumerate() {
-            flow[mesh.faces[face][k] as usize] -= 0.5 * (e[0] * x[1] - e[1] * x[0]);
+            flow[mesh.faces[face][k] as usize] -= 0.5 * outer(e, complex([x[0], x[1]]));
         }
     }
     flow.iter_mut().zip(&masses).for_each(|(f, &m)| *f = if m > 0.0 { *f / m } else { 0.0 });
@@ -127,7 +127,7 @@ pub fn curl(dual: &DualGraph, frames: &FaceFrames, field: &[f64]) -> Vec<f64> {
     let mut curl = vec![0.0; masses.len()];
     for (face, x) in field.chunks_exact(2).enumerate() {
         for (k, e) in frames.edges(face).into_iter().enumerate() {
-            curl[dual.edges(face)[k] as usize] -= e[0] * x[0] + e[1] * x[1];
+            curl[dual.edges(face)[k] as usize] -= inner(e, complex([x[0], x[1]]));
         }
     }
     curl.iter_mut().zip(&masses).for_each(|(c, &m)| *c /= m);
@@ -177,8 +177,8 @@ pub fn nonconforming_problem(
     let mut middles = vec![[0.0; 3]; dual.edge_count()];
     for (f, corners) in mesh.faces.iter().enumerate() {
         for (k, edge) in dual.edges(f).into_iter().enumerate() {
-            let [a, b] = [1, 2].map(|i| mesh.positions[corners[(k + i) % 3] as usize]);
-            middles[edge as usize] = [0, 1, 2].map(|i| 0.5 * (a[i] + b[i]));
+            let [a, b] = [1, 2].map(|i| mesh.point(corners[(k + i) % 3]));
+            middles[edge as usize] = (0.5 * (a + b)).into();
         }
     }
     let held = if boundary.curl_sees_it() { vec![false; dual.edge_count()] } else { boundary_of(mesh, dual).1 };
@@ -229,7 +229,7 @@ fn stiffness_of(size: usize, frames: &FaceFrames, factor: f64, functions: impl F
         let scale = factor / frames.areas()[f];
         for i in (0..3).filter(|&i| (own[i] as usize) < size) {
             for j in (0..3).filter(|&j| (own[j] as usize) < size) {
-                entries.push((own[i], own[j], scale * (e[i][0] * e[j][0] + e[i][1] * e[j][1])));
+                entries.push((own[i], own[j], scale * inner(e[i], e[j])));
             }
         }
     }
@@ -289,12 +289,12 @@ pub fn hodge_stiffness(
         for (k, &vertex) in mesh.faces[face].iter().enumerate() {
             let v = vertex as usize;
             let w = 0.25 * vertex_weights[v];
-            let g = [-own[k][1], own[k][0]];
+            let g = [-own[k].im, own[k].re];
             for &other in &around[offsets[v] as usize..offsets[v + 1] as usize] {
                 let o = other as usize;
                 let Some(j) = mesh.faces[o].iter().position(|&x| x == vertex) else { continue };
                 let e = frames.edges(o)[j];
-                add_outer(entries, other, w, g, [-e[1], e[0]]);
+                add_outer(entries, other, w, g, [-e.im, e.re]);
             }
         }
         for (k, &edge) in dual.edges(face).iter().enumerate() {
@@ -302,7 +302,7 @@ pub fn hodge_stiffness(
             for other in dual.edge_faces()[edge as usize] {
                 if other != NO_FACE {
                     let e = frames.edges(other as usize)[dual.slot(other, edge)];
-                    add_outer(entries, other, w, own[k], e);
+                    add_outer(entries, other, w, parts(own[k]), parts(e));
                 }
             }
         }

@@ -175,7 +175,7 @@ const FACES_PER_TASK: usize = 8192;
 /// The shape of a face of the scaled mesh.
 #[inline]
 pub(super) fn shape_of(mesh: &TriangleMesh, face: [u32; 3], scale: f64) -> TriangleShape {
-    TriangleShape::of_corners(face.map(|v| mesh.positions[v as usize].map(|c| c * scale)))
+    TriangleShape::of_corners(mesh.corners(&face).map(|p| p * scale))
 }
 
 /// The sums that [`measure`] takes, of shapes that nobody keeps.

@@ -15,18 +15,16 @@
 //! of the finer mesh. No diagonal is preferred.
 
 use chladni_algebra::SparseMatrix;
+use chladni_base::Vector3;
 use chladni_base::parallel::*;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::polygons::Loops;
 
 use super::assembly::Quality;
 use super::curvature::Surface;
-use super::frames::{cross, dot};
 use super::hamiltonian;
 use super::laplace::{self, Measured};
 use super::{EigenProblem, MassKind, MassMatrix, OperatorError};
-
-type Vector = [f64; 3];
 
 /// A mesh with a point in the middle of each polygon of more than three corners.
 pub(super) struct Refined {
@@ -65,12 +63,8 @@ impl Refined {
             next = range.end;
             let middle = (n + polygon) as u32;
             faces.extend((0..corners.len()).map(|i| [corners[i], corners[(i + 1) % corners.len()], middle]));
-            let mut sum = [0.0; 3];
-            for (&corner, share) in corners.iter().zip(shares) {
-                let p = mesh.positions[corner as usize];
-                (0..3).for_each(|axis| sum[axis] += share * p[axis]);
-            }
-            positions.push(sum);
+            let sum: Vector3 = corners.iter().zip(shares).map(|(&corner, &share)| share * mesh.point(corner)).sum();
+            positions.push(sum.into());
         }
         faces.extend_from_slice(&mesh.faces[next..]);
         let mesh = TriangleMesh { positions, faces, ..Default::default() };
@@ -138,7 +132,7 @@ impl Refined {
     }
 
     /// Unit normals of the vertices of the mesh.
-    pub fn normals(&self) -> Vec<Vector> {
+    pub fn normals(&self) -> Vec<[f64; 3]> {
         let mut normals = Surface::new(&self.mesh, &self.measured).normals(&self.measured.corners);
         normals.truncate(self.vertices());
         normals
@@ -272,31 +266,24 @@ fn shares(mesh: &TriangleMesh, corners: &[u32]) -> Vec<f64> {
     let n = corners.len();
     let even = 1.0 / n as f64;
     // About the mean of the corners, and of size 1.
-    let mut mean = [0.0; 3];
-    for &corner in corners {
-        let p = mesh.positions[corner as usize];
-        (0..3).for_each(|axis| mean[axis] += even * p[axis]);
-    }
-    let centred =
-        |corner: u32| -> Vector { std::array::from_fn(|axis| mesh.positions[corner as usize][axis] - mean[axis]) };
-    let mut points: Vec<Vector> = corners.iter().map(|&corner| centred(corner)).collect();
-    let size = points.as_flattened().iter().fold(0.0f64, |most, x| most.max(x.abs()));
+    let mean: Vector3 = corners.iter().map(|&corner| even * mesh.point(corner)).sum();
+    let mut points: Vec<Vector3> = corners.iter().map(|&corner| mesh.point(corner) - mean).collect();
+    let size = Vector3::arrays(&points).as_flattened().iter().fold(0.0f64, |most, x| most.max(x.abs()));
     if !(size > 0.0) {
         return vec![even; n];
     }
-    points.as_flattened_mut().iter_mut().for_each(|x| *x /= size);
+    points.iter_mut().for_each(|p| *p /= size);
     // The sum of |a × b + (b − a) × p|² over the edges is quadratic in p.
-    let (mut matrix, mut right) = ([[0.0; 3]; 3], [0.0; 3]);
+    let (mut matrix, mut right) = ([[0.0; 3]; 3], Vector3::ZERO);
     for i in 0..n {
         let (a, b) = (points[i], points[(i + 1) % n]);
-        let d: Vector = std::array::from_fn(|axis| b[axis] - a[axis]);
-        let square = dot(d, d);
+        let d = b - a;
+        let square = d.norm_squared();
         for r in 0..3 {
             (0..3).for_each(|c| matrix[r][c] += if r == c { square } else { 0.0 } - d[r] * d[c]);
         }
         // (d ×)ᵀ c = −d × c, which goes to the other side.
-        let side = cross(d, cross(a, b));
-        (0..3).for_each(|axis| right[axis] += side[axis]);
+        right += d.cross(a.cross(b));
     }
     let Some(middle) = solved(matrix, right) else { return vec![even; n] };
     let mut spread = [[0.0; 3]; 3];
@@ -307,11 +294,11 @@ fn shares(mesh: &TriangleMesh, corners: &[u32]) -> Vec<f64> {
     let little = 1e-13 * (spread[0][0] + spread[1][1] + spread[2][2]);
     (0..3).for_each(|axis| spread[axis][axis] += little);
     let Some(slope) = solved(spread, middle) else { return vec![even; n] };
-    points.iter().map(|&p| even + dot(p, slope)).collect()
+    points.iter().map(|&p| even + p.dot(slope)).collect()
 }
 
 /// The solution of a symmetric positive definite system of three, by LDLᵀ; `None` where a pivot is next to nothing.
-fn solved(a: [[f64; 3]; 3], b: Vector) -> Option<Vector> {
+fn solved(a: [[f64; 3]; 3], b: Vector3) -> Option<Vector3> {
     let least = 1e-15 * (a[0][0] + a[1][1] + a[2][2]);
     let positive = |pivot: f64| (pivot > least).then_some(pivot);
     let d0 = positive(a[0][0])?;
@@ -323,7 +310,7 @@ fn solved(a: [[f64; 3]; 3], b: Vector) -> Option<Vector> {
     let y2 = b[2] - l20 * b[0] - l21 * y1;
     let x2 = y2 / d2;
     let x1 = y1 / d1 - l21 * x2;
-    Some([b[0] / d0 - l10 * x1 - l20 * x2, x1, x2])
+    Some(Vector3::new(b[0] / d0 - l10 * x1 - l20 * x2, x1, x2))
 }
 
 #[cfg(test)]

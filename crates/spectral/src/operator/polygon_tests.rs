@@ -8,7 +8,7 @@ use chladni_mesh::fixtures::sphere;
 use chladni_mesh::polygons::Polygons;
 
 /// A mesh of polygons, cut into fans.
-fn of_polygons(positions: Vec<Vector>, polygons: &[Vec<u32>]) -> TriangleMesh {
+fn of_polygons(positions: Vec<[f64; 3]>, polygons: &[Vec<u32>]) -> TriangleMesh {
     let (mut faces, mut of_face) = (Vec::new(), Vec::new());
     for (number, corners) in polygons.iter().enumerate() {
         for i in 1..corners.len() - 1 {
@@ -20,7 +20,7 @@ fn of_polygons(positions: Vec<Vector>, polygons: &[Vec<u32>]) -> TriangleMesh {
 }
 
 /// Quads of a grid of `k × k` cells on the unit square, moved by `bend`.
-fn quads(k: usize, bend: impl Fn(f64, f64) -> Vector) -> TriangleMesh {
+fn quads(k: usize, bend: impl Fn(f64, f64) -> [f64; 3]) -> TriangleMesh {
     let at = |i: usize, j: usize| (j * (k + 1) + i) as u32;
     let place = |v: usize| bend((v % (k + 1)) as f64 / k as f64, (v / (k + 1)) as f64 / k as f64);
     let cells = (0..k * k).map(|c| (c % k, c / k));
@@ -43,9 +43,8 @@ fn quad_sphere(k: usize) -> TriangleMesh {
             }
             p.rotate_left(side % 3);
             *index.entry(p).or_insert_with(|| {
-                let angle = p.map(|x| (std::f64::consts::FRAC_PI_4 * x as f64 / k as f64).tan());
-                let length = dot(angle, angle).sqrt();
-                positions.push(angle.map(|x| x / length));
+                let angle = Vector3(p.map(|x| (std::f64::consts::FRAC_PI_4 * x as f64 / k as f64).tan()));
+                positions.push((angle / angle.norm()).into());
                 positions.len() as u32 - 1
             })
         };
@@ -59,7 +58,7 @@ fn quad_sphere(k: usize) -> TriangleMesh {
 }
 
 /// A sheet whose quads are neither flat nor alike.
-fn wavy(x: f64, y: f64) -> Vector {
+fn wavy(x: f64, y: f64) -> [f64; 3] {
     [x + 0.03 * (9.0 * y).sin(), y + 0.03 * (7.0 * x).cos(), 0.2 * (5.0 * x).sin() * (4.0 * y).cos()]
 }
 
@@ -125,7 +124,7 @@ fn triangles_have_the_operator_of_cotangents_to_the_last_bit() {
 /// By definition: the cotangents of the finer mesh and the prolongation as dense matrices, the middle found by descent.
 #[test]
 fn the_operator_is_the_one_of_the_finer_mesh_restricted() {
-    let positions: Vec<Vector> = vec![
+    let positions: Vec<[f64; 3]> = vec![
         [0.0, 0.0, 0.0],
         [1.0, 0.1, 0.2],
         [1.4, 1.0, -0.1],
@@ -142,28 +141,21 @@ fn the_operator_is_the_one_of_the_finer_mesh_restricted() {
     (0..n).for_each(|i| prolongation.column_mut(i)[i] = 1.0);
     for (number, corners) in polygons.iter().enumerate() {
         let k = corners.len();
-        let squares = |p: Vector| -> f64 {
+        let squares = |p: Vector3| -> f64 {
             (0..k)
                 .map(|i| {
-                    let [a, b] = [corners[i], corners[(i + 1) % k]].map(|v| {
-                        let q = positions[v as usize];
-                        [q[0] - p[0], q[1] - p[1], q[2] - p[2]]
-                    });
-                    dot(cross(a, b), cross(a, b))
+                    let [a, b] = [corners[i], corners[(i + 1) % k]].map(|v| Vector3(positions[v as usize]) - p);
+                    a.cross(b).norm_squared()
                 })
                 .sum()
         };
         // The sum is quadratic: one step of Newton's method from differences.
-        let mut p = positions[corners[0] as usize];
+        let mut p = Vector3(positions[corners[0] as usize]);
         for _ in 0..3 {
             let h = 1e-3;
-            let moved = |p: Vector, axis: usize, by: f64| {
-                let mut q = p;
-                q[axis] += by;
-                q
-            };
-            let slope: Vector =
-                std::array::from_fn(|i| (squares(moved(p, i, h)) - squares(moved(p, i, -h))) / (2.0 * h));
+            let moved = |p: Vector3, axis: usize, by: f64| p + by * Vector3::AXES[axis];
+            let slope = |i: usize| (squares(moved(p, i, h)) - squares(moved(p, i, -h))) / (2.0 * h);
+            let slope = Vector3(std::array::from_fn(slope));
             let bend = std::array::from_fn(|i| {
                 std::array::from_fn(|j| {
                     let corner = |s: f64, t: f64| squares(moved(moved(p, i, s * h), j, t * h));
@@ -171,12 +163,11 @@ fn the_operator_is_the_one_of_the_finer_mesh_restricted() {
                 })
             });
             let step = solved(bend, slope).unwrap();
-            (0..3).for_each(|axis| p[axis] -= step[axis]);
+            p -= step;
         }
         let shares = shares(&mesh, corners);
-        let middle: Vector = std::array::from_fn(|axis| {
-            corners.iter().zip(&shares).map(|(&corner, share)| share * positions[corner as usize][axis]).sum()
-        });
+        let middle: Vector3 =
+            corners.iter().zip(&shares).map(|(&corner, &share)| share * Vector3(positions[corner as usize])).sum();
         assert!((0..3).all(|axis| (middle[axis] - p[axis]).abs() < 1e-6), "{middle:?} {p:?}");
         assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-14);
         // Of least squares: nothing of it lies along combinations that move nothing. For a quad in space there is one,
@@ -202,7 +193,7 @@ fn the_operator_is_the_one_of_the_finer_mesh_restricted() {
         };
         let z = blind(number as f64);
         assert!(z.iter().zip(&shares).map(|(a, b)| a * b).sum::<f64>().abs() < 1e-9);
-        fine.positions.push(middle);
+        fine.positions.push(middle.into());
         for i in 0..k {
             fine.faces.push([corners[i], corners[(i + 1) % k], (n + number) as u32]);
             prolongation.column_mut(corners[i] as usize)[n + number] = shares[i];

@@ -1,7 +1,7 @@
 //! Operators against identities, analytic spectra, each other, and hostile meshes.
 
 use chladni_algebra::{CpuSolver, SymmetricDefiniteSolver};
-use chladni_base::Unwatched;
+use chladni_base::{Unwatched, Vector3};
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::fixtures::{grid, sphere};
 use chladni_mesh::intrinsic::Rim;
@@ -170,9 +170,9 @@ fn thin_triangles_are_cured_by_the_robust_laplacian() {
     mesh.faces.clear();
     for (f, &[a, b, c]) in base.faces.iter().enumerate() {
         let v = mesh.positions.len() as u32;
-        let [p, q, r] = [a, b, c].map(|v| base.positions[v as usize]);
+        let [p, q, r] = base.corners(&[a, b, c]);
         let s = [1e-6, 0.3 + 0.4 * (f % 2) as f64];
-        mesh.positions.push([0, 1, 2].map(|k| s[0] * r[k] + (1.0 - s[0]) * (s[1] * p[k] + (1.0 - s[1]) * q[k])));
+        mesh.positions.push((s[0] * r + (1.0 - s[0]) * (s[1] * p + (1.0 - s[1]) * q)).into());
         mesh.faces.extend([[a, b, v], [b, c, v], [c, a, v]]);
     }
     let made = neumann(&mesh, OperatorKind::Auto);
@@ -336,10 +336,9 @@ fn principal_curvatures_of_the_torus_come_with_their_directions() {
         assert!(mean_error(tube, |_| sign * 2.5 / scale) < 0.03 / scale);
         assert!(mean_error(axis, |v| sign * around(v) / scale) < 0.03 / scale);
         for v in 0..mesh.positions.len() {
-            let (p, n, d) = (mesh.positions[v], normals[v], directions[v]);
-            let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-            assert!((dot(d, d) - 1.0).abs() < 1e-12 && dot(d, n).abs() < 1e-12);
-            let along_the_axis = dot(d, [-p[1], p[0], 0.0]).abs() / p[0].hypot(p[1]);
+            let (p, n, d) = (mesh.positions[v], Vector3(normals[v]), Vector3(directions[v]));
+            assert!((d.norm_squared() - 1.0).abs() < 1e-12 && d.dot(n).abs() < 1e-12);
+            let along_the_axis = d.dot(Vector3::new(-p[1], p[0], 0.0)).abs() / p[0].hypot(p[1]);
             assert!(if sign > 0.0 { along_the_axis < 0.3 } else { along_the_axis > 0.95 }, "{v}: {along_the_axis}");
         }
     };

@@ -11,7 +11,7 @@
 use chladni_algebra::{Block, BlockMatrix};
 use chladni_mesh::dual::{DualGraph, NO_FACE};
 
-use super::frames::{FaceFrames, Turn};
+use super::frames::{Complex64, FaceFrames, Turn};
 
 /// What is stored in a face.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
@@ -59,31 +59,29 @@ pub const MOST_VECTORS: u32 = 64;
 /// [`FaceFrames::carry`] to the power [`FieldKind::order`].
 ///
 /// For tensors this is `P` of (3.18), written in the cosine and sine of twice the angle. Between faces of opposite
-/// orientation the last of the numbers changes its sign first. A block of a size that does not fit the kind is the
-/// identity.
+/// orientation the last of the numbers changes its sign first.
+///
+/// # Panics
+/// Unless `B` is [`FieldKind::block`].
 pub fn transport_block<const B: usize>(kind: FieldKind, turn: Turn) -> Block<B> {
-    let mut block = [[0.0; B]; B];
-    for i in 0..B {
-        block[i][i] = 1.0;
-    }
-    let [c, s] = turn.by;
-    match kind {
-        FieldKind::Tensor {} if B == 3 => {
+    assert_eq!(B, kind.block(), "numbers of a block, numbers per face");
+    let Complex64 { re: c, im: s } = turn.by;
+    let mut block: Block<B> = match kind {
+        FieldKind::Tensor {} => {
             let (cc, ss, cs) = (0.5 * (1.0 + c), 0.5 * (1.0 - c), 0.5 * s * std::f64::consts::SQRT_2);
-            block[0] = std::array::from_fn(|j| [cc, ss, -cs][j]);
-            block[1] = std::array::from_fn(|j| [ss, cc, cs][j]);
-            block[2] = std::array::from_fn(|j| [cs, -cs, c][j]);
+            sized([[cc, ss, -cs], [ss, cc, cs], [cs, -cs, c]])
         }
-        FieldKind::Vector {} | FieldKind::NVector { .. } if B == 2 => {
-            block[0] = std::array::from_fn(|j| [c, -s][j]);
-            block[1] = std::array::from_fn(|j| [s, c][j]);
-        }
-        _ => {}
-    }
-    if turn.mirrored && kind.block() == B {
+        FieldKind::Vector {} | FieldKind::NVector { .. } => sized([[c, -s], [s, c]]),
+    };
+    if turn.mirrored {
         block.iter_mut().for_each(|row| row[B - 1] = -row[B - 1]);
     }
     block
+}
+
+/// A block of the size that its kind is known to have.
+fn sized<const B: usize, const N: usize>(block: Block<N>) -> Block<B> {
+    std::array::from_fn(|i| std::array::from_fn(|j| block[i][j]))
 }
 
 /// The turn of stored numbers across edge `k` of a face, or `None` at a boundary.
@@ -93,46 +91,47 @@ pub fn turn(kind: FieldKind, dual: &DualGraph, frames: &FaceFrames, face: usize,
 
 /// `w = 3 |e|² / (A_i + A_j)`, of edge `k` of a face.
 pub fn edge_weight(dual: &DualGraph, frames: &FaceFrames, face: usize, k: usize) -> f64 {
-    let [x, y] = frames.edges(face)[k];
+    let edge = frames.edges(face)[k];
     let neighbour = dual.neighbours(face)[k] as usize;
-    3.0 * (x * x + y * y) / (frames.areas()[face] + frames.areas().get(neighbour).copied().unwrap_or(0.0))
+    3.0 * edge.norm_sqr() / (frames.areas()[face] + frames.areas().get(neighbour).copied().unwrap_or(0.0))
+}
+
+/// What joins a face `i` to the one across its edge `k`: that face `j`, the weight `w_e`, and the turn `r_ij` that
+/// carries the stored numbers of `j` into `i`. `None` at a boundary.
+fn link(kind: FieldKind, dual: &DualGraph, frames: &FaceFrames, i: usize, k: usize) -> Option<(u32, f64, Turn)> {
+    let j = dual.neighbours(i)[k];
+    if j == NO_FACE {
+        return None;
+    }
+    // From the lower face, so that both triangles agree to the last bit.
+    let (from, at) = if i < j as usize { (i, k) } else { (j as usize, dual.slot(j, dual.edges(i)[k])) };
+    let r = turn(kind, dual, frames, from, at)?;
+    Some((j, edge_weight(dual, frames, from, at), if from == i { r } else { r.inverse() }))
 }
 
 /// The stiffness of the transport Laplacian, `F × F` blocks.
+///
+/// The energy `E(u) = Σ_e w_e |u_i − r_ij u_j|²` has at `(i, j)` the entry `−w_e r_ij` and at `(i, i)` the sum of the
+/// weights: the matrix of a connection Laplacian as in Knöppel et al. (2013), with faces for vertices and `u` the n-th
+/// powers of directions. A complex entry is a real block.
 pub fn transport_stiffness<const B: usize>(kind: FieldKind, dual: &DualGraph, frames: &FaceFrames) -> BlockMatrix<B> {
-    BlockMatrix::from_rows(dual.faces(), dual.faces(), |face, entries| {
-        let mut diagonal = 0.0;
-        for (k, neighbour) in dual.neighbours(face).into_iter().enumerate() {
-            if neighbour == NO_FACE {
-                continue;
-            }
-            // From the lower face, so that both triangles agree to the last bit.
-            let (from, at) = if face < neighbour as usize {
-                (face, k)
-            } else {
-                (neighbour as usize, dual.slot(neighbour, dual.edges(face)[k]))
-            };
-            let w = edge_weight(dual, frames, from, at);
-            diagonal += w;
-            let Some(carried) = turn(kind, dual, frames, from, at) else { continue };
-            let carried = if from == face { carried } else { carried.inverse() };
-            let block = transport_block::<B>(kind, carried).map(|row| row.map(|x| -w * x));
-            // Two faces may share two edges.
-            match entries.iter_mut().find(|e| e.0 == neighbour) {
-                Some(entry) => {
-                    for i in 0..B {
-                        for j in 0..B {
-                            entry.1[i][j] += block[i][j];
-                        }
-                    }
-                }
-                None => entries.push((neighbour, block)),
-            }
+    BlockMatrix::from_rows(dual.faces(), dual.faces(), |i, entries| {
+        let mut sum = 0.0;
+        for (j, w, r) in (0..3).filter_map(|k| link(kind, dual, frames, i, k)) {
+            sum += w;
+            add(entries, j, transport_block::<B>(kind, r).map(|row| row.map(|x| -w * x)));
         }
-        let mut own = [[0.0; B]; B];
-        for i in 0..B {
-            own[i][i] = diagonal;
-        }
-        entries.push((face as u32, own));
+        let own = std::array::from_fn(|a| std::array::from_fn(|b| if a == b { sum } else { 0.0 }));
+        entries.push((i as u32, own));
     })
+}
+
+/// Adds a block to a row: two faces may share two edges.
+fn add<const B: usize>(row: &mut Vec<(u32, Block<B>)>, column: u32, block: Block<B>) {
+    match row.iter_mut().find(|entry| entry.0 == column) {
+        Some((_, sum)) => {
+            sum.as_flattened_mut().iter_mut().zip(block.as_flattened()).for_each(|(sum, x)| *sum += x);
+        }
+        None => row.push((column, block)),
+    }
 }

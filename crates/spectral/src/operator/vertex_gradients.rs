@@ -5,6 +5,7 @@
 //! of `eⱼ·g = f(j) − f(i)` over its neighbours `j`, `eⱼ` being the edge in the frame of the vertex, with `ε|g|²` added
 //! so that a single edge suffices.
 
+use chladni_base::Vector3;
 use chladni_base::parallel::*;
 
 use super::OperatorError;
@@ -12,13 +13,11 @@ use super::OperatorError;
 /// Added to lengths before they divide, as the published frames have it.
 const TINY: f64 = 1e-6;
 
-type Vector = [f64; 3];
-
 /// Frames, and both components of the gradient as two matrices of one pattern.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VertexGradients {
     /// At each vertex two tangents and the normal.
-    pub frames: Vec<[Vector; 3]>,
+    pub frames: Vec<[[f64; 3]; 3]>,
     /// Where each row begins in `indices` and `values`; one more than there are vertices.
     pub offsets: Vec<usize>,
     /// The columns of each row, ascending: the neighbours of the vertex, and itself.
@@ -32,7 +31,7 @@ impl VertexGradients {
     ///
     /// # Errors
     /// [`OperatorError::VertexOutOfRange`]; [`OperatorError::Parameter`] where `epsilon` is not above zero.
-    pub fn new(positions: &[Vector], faces: &[[u32; 3]], epsilon: f64) -> Result<Self, OperatorError> {
+    pub fn new(positions: &[[f64; 3]], faces: &[[u32; 3]], epsilon: f64) -> Result<Self, OperatorError> {
         let n = positions.len();
         for (face, corners) in faces.iter().enumerate() {
             if let Some(&vertex) = corners.iter().find(|&&vertex| vertex as usize >= n) {
@@ -43,51 +42,36 @@ impl VertexGradients {
             let reason = format!("must be positive, got {epsilon}");
             return Err(OperatorError::Parameter { name: "regularisation", reason });
         }
+        let positions = Vector3::slice(positions);
         let frames = frames(positions, faces);
         let (offsets, indices) = neighbours(n, faces);
         let row = |vertex: usize| {
             gradient(positions, &frames[vertex], vertex, &indices[offsets[vertex]..offsets[vertex + 1]], epsilon)
         };
         let values = (0..n).into_par_iter().flat_map_iter(row).collect();
+        let frames = frames.into_iter().map(|frame| frame.map(Vector3::into)).collect();
         Ok(Self { frames, offsets, indices, values })
     }
 }
 
-fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: Vector, b: Vector) -> Vector {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn minus(a: Vector, b: Vector) -> Vector {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-fn scaled(a: Vector, factor: f64) -> Vector {
-    a.map(|x| x * factor)
-}
-
 /// The frame of each vertex: two tangents and the normal, which is the mean of the unit normals of its faces.
-fn frames(positions: &[Vector], faces: &[[u32; 3]]) -> Vec<[Vector; 3]> {
-    let mut normals = vec![[0.0; 3]; positions.len()];
+fn frames(positions: &[Vector3], faces: &[[u32; 3]]) -> Vec<[Vector3; 3]> {
+    let mut normals = vec![Vector3::ZERO; positions.len()];
     for face in faces {
         let [a, b, c] = face.map(|vertex| positions[vertex as usize]);
-        let normal = cross(minus(b, a), minus(c, a));
-        let normal = scaled(normal, 1.0 / (dot(normal, normal).sqrt() + TINY));
-        for vertex in face {
-            normals[*vertex as usize].iter_mut().zip(normal).for_each(|(sum, own)| *sum += own);
-        }
+        let normal = (b - a).cross(c - a);
+        let normal = normal * (1.0 / (normal.norm() + TINY));
+        face.iter().for_each(|&vertex| normals[vertex as usize] += normal);
     }
-    let frame = |&sum: &Vector| {
-        let length = dot(sum, sum).sqrt();
+    let [x, y, z] = Vector3::AXES;
+    let frame = |&sum: &Vector3| {
+        let length = sum.norm();
         // Of a vertex without faces, or between two that lie on each other, any direction will do.
-        let normal = if length > 0.0 { scaled(sum, 1.0 / length) } else { [0.0, 0.0, 1.0] };
-        let along = if normal[0].abs() < 0.9 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
-        let tangent = minus(along, scaled(normal, dot(along, normal)));
-        let tangent = scaled(tangent, 1.0 / (dot(tangent, tangent).sqrt() + TINY));
-        [tangent, cross(normal, tangent), normal]
+        let normal = if length > 0.0 { sum * (1.0 / length) } else { z };
+        let along = if normal[0].abs() < 0.9 { x } else { y };
+        let tangent = along - normal * along.dot(normal);
+        let tangent = tangent * (1.0 / (tangent.norm() + TINY));
+        [tangent, normal.cross(tangent), normal]
     };
     normals.par_iter().map(frame).collect()
 }
@@ -109,10 +93,10 @@ fn neighbours(vertices: usize, faces: &[[u32; 3]]) -> (Vec<usize>, Vec<u32>) {
 }
 
 /// The rows of both gradient matrices at a vertex.
-fn gradient(positions: &[Vector], frame: &[Vector; 3], vertex: usize, ring: &[u32], epsilon: f64) -> Vec<[f64; 2]> {
+fn gradient(positions: &[Vector3], frame: &[Vector3; 3], vertex: usize, ring: &[u32], epsilon: f64) -> Vec<[f64; 2]> {
     let edge = |&other: &u32| {
-        let along = minus(positions[other as usize], positions[vertex]);
-        [dot(along, frame[0]), dot(along, frame[1])]
+        let along = positions[other as usize] - positions[vertex];
+        [along.dot(frame[0]), along.dot(frame[1])]
     };
     let edges: Vec<[f64; 2]> = ring.iter().map(edge).collect();
     let [mut xx, mut xy, mut yy] = [epsilon, 0.0, epsilon];
@@ -139,15 +123,15 @@ mod tests {
     fn gradients_of_linear_functions_on_a_plane_are_their_slopes() {
         let mesh = generate(Shape::Rectangle, 400).unwrap();
         let made = VertexGradients::new(&mesh.positions, &mesh.faces, 1e-12).unwrap();
-        let slope = [0.3, -0.7, 0.0];
+        let slope = Vector3::new(0.3, -0.7, 0.0);
         for vertex in 0..mesh.positions.len() {
             let mut found = [0.0; 2];
             for at in made.offsets[vertex]..made.offsets[vertex + 1] {
-                let value = dot(slope, mesh.positions[made.indices[at] as usize]);
+                let value = slope.dot(mesh.point(made.indices[at]));
                 found.iter_mut().zip(made.values[at]).for_each(|(sum, weight)| *sum += weight * value);
             }
             for axis in 0..2 {
-                let expected = dot(slope, made.frames[vertex][axis]);
+                let expected = slope.dot(made.frames[vertex][axis].into());
                 assert!((found[axis] - expected).abs() < 1e-5, "vertex {vertex}: {} and {expected}", found[axis]);
             }
         }

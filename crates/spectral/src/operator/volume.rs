@@ -10,13 +10,12 @@
 //! | source | linear finite elements: for the edge `ij` of a tetrahedron `−(1/6) l cot θ`, with the length `l` of the opposite edge and the dihedral angle `θ` at it |
 
 use chladni_algebra::SparseMatrix;
-use chladni_base::Monitor;
 use chladni_base::parallel::*;
+use chladni_base::{Monitor, Vector3};
 use chladni_mesh::TetMesh;
 use chladni_mesh::solid::surface;
 
 use super::choice::{Laplacian, OperatorReport, Reason};
-use super::frames::{cross, dot, minus};
 use super::laplace::{MASSLESS, power_of_two_scale};
 use super::{Asked, Boundary, EigenProblem, MassKind, MassMatrix, MeshOperator, OperatorError, OperatorKind};
 
@@ -25,8 +24,6 @@ const FLAT: f64 = 1e-9;
 
 /// Rows that one task assembles. Fixed, so that results do not depend on the number of threads.
 const ROWS_PER_TASK: usize = 2048;
-
-type Vector = [f64; 3];
 
 /// Assembles the operator of a solid; its rows are all vertices, those on the boundary first where the solid was
 /// checked. Announces the stage `operator`.
@@ -81,7 +78,7 @@ struct Elements<'a> {
     /// The power of two that lengths are multiplied by.
     scale: f64,
     /// Six volumes, and the gradients of the hat functions times that; no volume where it is flat.
-    shapes: Vec<(f64, [Vector; 4])>,
+    shapes: Vec<(f64, [Vector3; 4])>,
     volume: f64,
     flat: usize,
     /// Where the corners of each vertex begin in `corners`.
@@ -96,8 +93,8 @@ impl<'a> Elements<'a> {
             Err(OperatorError::NoArea) => return Err(OperatorError::NoVolume),
             scale => scale?,
         };
-        let at = |v: u32| solid.positions[v as usize].map(|c| c * scale);
-        let shapes: Vec<(f64, [Vector; 4])> =
+        let at = |v: u32| Vector3(solid.positions[v as usize]) * scale;
+        let shapes: Vec<(f64, [Vector3; 4])> =
             solid.tetrahedra.par_iter().map(|corners| shape(corners.map(at))).collect();
         let volume = shapes.iter().map(|shape| shape.0).sum::<f64>() / 6.0;
         let in_input = volume / scale / scale / scale;
@@ -170,7 +167,7 @@ impl<'a> Elements<'a> {
                         // A corner that is there twice: the tetrahedron is flat.
                         continue;
                     }
-                    let entry = if *six > 0.0 { dot(gradients[place], gradients[k]) / (6.0 * six) } else { 0.0 };
+                    let entry = if *six > 0.0 { gradients[place].dot(gradients[k]) / (6.0 * six) } else { 0.0 };
                     ring.push((other, entry, *six));
                 }
             }
@@ -218,16 +215,16 @@ struct Rows {
 }
 
 /// Six times the volume and, over that, the gradients of the hat functions; zeros where it is flat.
-pub(super) fn shape([a, b, c, d]: [Vector; 4]) -> (f64, [Vector; 4]) {
-    let (u, v, w) = (minus(b, a), minus(c, a), minus(d, a));
-    let six = dot(u, cross(v, w));
-    let edges = [u, v, w, minus(c, b), minus(d, b), minus(d, c)];
-    let longest = edges.iter().map(|e| dot(*e, *e)).fold(0.0, f64::max);
+pub(super) fn shape([a, b, c, d]: [Vector3; 4]) -> (f64, [Vector3; 4]) {
+    let (u, v, w) = (b - a, c - a, d - a);
+    let six = u.dot(v.cross(w));
+    let edges = [u, v, w, c - b, d - b, d - c];
+    let longest = edges.into_iter().map(Vector3::norm_squared).fold(0.0, f64::max);
     if !(six.abs() > 6.0 * FLAT * longest * longest.sqrt()) {
-        return (0.0, [[0.0; 3]; 4]);
+        return (0.0, [Vector3::ZERO; 4]);
     }
-    let (p, q, r) = (cross(v, w), cross(w, u), cross(u, v));
-    (six.abs(), [[0, 1, 2].map(|k| -p[k] - q[k] - r[k]), p, q, r])
+    let (p, q, r) = (v.cross(w), w.cross(u), u.cross(v));
+    (six.abs(), [-p - q - r, p, q, r])
 }
 
 #[cfg(test)]

@@ -20,26 +20,26 @@ fn bent() -> TetMesh {
 }
 
 fn volume(solid: &TetMesh) -> f64 {
-    let edge = |a: u32, b: u32| minus(solid.positions[b as usize], solid.positions[a as usize]);
-    solid.tetrahedra.iter().map(|&[a, b, c, d]| dot(edge(a, b), cross(edge(a, c), edge(a, d))).abs() / 6.0).sum()
+    let edge = |a: u32, b: u32| Vector3(solid.positions[b as usize]) - Vector3(solid.positions[a as usize]);
+    solid.tetrahedra.iter().map(|&[a, b, c, d]| edge(a, b).dot(edge(a, c).cross(edge(a, d))).abs() / 6.0).sum()
 }
 
 #[test]
 fn linear_functions_have_the_energy_and_the_integrals_of_their_formulas() {
     let solid = bent();
     let size = volume(&solid);
-    let gradient = [0.3, -1.1, 0.7];
-    let u: Vec<f64> = solid.positions.iter().map(|&p| dot(p, gradient) + 0.25).collect();
+    let gradient = Vector3::new(0.3, -1.1, 0.7);
+    let u: Vec<f64> = solid.positions.iter().map(|&p| gradient.dot(p.into()) + 0.25).collect();
     for mass in [MassKind::Barycentric, MassKind::Consistent] {
         let problem = problem(&solid, mass, Boundary::Neumann);
         assert!((problem.area - size).abs() < 1e-13 * size);
         let su = problem.stiffness.multiply(&u);
         let energy: f64 = u.iter().zip(&su).map(|(u, su)| u * su).sum();
-        assert!((energy - dot(gradient, gradient) * size).abs() < 1e-12 * energy);
+        assert!((energy - gradient.norm_squared() * size).abs() < 1e-12 * energy);
         let mu = problem.mass.multiply(&u);
         // Both masses integrate linear functions exactly, the consistent one their products too.
         let centroid = |corners: &[u32; 4]| corners.iter().map(|&v| u[v as usize]).sum::<f64>() / 4.0;
-        let six = |c: &[u32; 4]| shape(c.map(|v| solid.positions[v as usize])).0;
+        let six = |c: &[u32; 4]| shape(c.map(|v| Vector3(solid.positions[v as usize]))).0;
         let exact: f64 = solid.tetrahedra.iter().map(|corners| six(corners) / 6.0 * centroid(corners)).sum();
         assert!((mu.iter().sum::<f64>() * problem.area - exact).abs() < 1e-12 * exact.abs());
         if mass == MassKind::Consistent {
@@ -85,10 +85,11 @@ fn off_the_diagonal_stand_cotangents_of_dihedral_angles() {
                 continue;
             }
             let [k, l]: [usize; 2] = (0..4).filter(|v| *v != i && *v != j).collect::<Vec<_>>().try_into().unwrap();
-            let axis = minus(corners[l], corners[k]);
-            let (a, b) = (cross(axis, minus(corners[i], corners[k])), cross(axis, minus(corners[j], corners[k])));
-            let angle = (dot(a, b) / (dot(a, a) * dot(b, b)).sqrt()).acos();
-            let expected = -dot(axis, axis).sqrt() / angle.tan() / 6.0;
+            let p = corners.map(Vector3);
+            let axis = p[l] - p[k];
+            let (a, b) = (axis.cross(p[i] - p[k]), axis.cross(p[j] - p[k]));
+            let angle = (a.dot(b) / (a.norm_squared() * b.norm_squared()).sqrt()).acos();
+            let expected = -axis.norm() / angle.tan() / 6.0;
             let (columns, values) = stiffness.row(i);
             let found = values[columns.binary_search(&(j as u32)).unwrap()];
             assert!((found - expected).abs() < 1e-14, "{i} {j}: {found} is not {expected}");

@@ -13,6 +13,7 @@
 //! weights.
 
 use chladni_algebra::SparseMatrix;
+use chladni_base::Vector3;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::intrinsic::TriangleShape;
 use serde::{Deserialize, Serialize};
@@ -135,7 +136,7 @@ pub(super) fn stiffness(
         }
     };
     for (face, (corners, shape)) in mesh.faces.iter().zip(shapes).enumerate().filter(|(_, (_, s))| s.area > 0.0) {
-        let positions = corners.map(|vertex| mesh.positions[vertex as usize].map(|x| x * scale));
+        let positions = mesh.corners(corners).map(|p| p * scale);
         let sides = sides(positions, shape.area);
         let [xx, xy, yy] = parts.tensor(face);
         for (i, j) in [(0, 1), (1, 2), (2, 0)] {
@@ -155,14 +156,12 @@ pub(super) fn stiffness(
 }
 
 /// The sides of a triangle in its own frame, each opposite the corner of its number.
-fn sides([a, b, c]: [[f64; 3]; 3], area: f64) -> [[f64; 2]; 3] {
-    let from = |p: [f64; 3], q: [f64; 3]| [q[0] - p[0], q[1] - p[1], q[2] - p[2]];
-    let dot = |u: [f64; 3], v: [f64; 3]| u[0] * v[0] + u[1] * v[1] + u[2] * v[2];
-    let (first, other) = (from(a, b), from(a, c));
-    let length = dot(first, first).sqrt();
+fn sides([a, b, c]: [Vector3; 3], area: f64) -> [[f64; 2]; 3] {
+    let (first, other) = (b - a, c - a);
+    let length = first.norm();
     // Corner 0 is the origin, corner 1 lies on the first axis, corner 2 above it.
     let second = [length, 0.0];
-    let third = [dot(first, other) / length, 2.0 * area / length];
+    let third = [first.dot(other) / length, 2.0 * area / length];
     [[third[0] - second[0], third[1]], [-third[0], -third[1]], second]
 }
 
@@ -247,16 +246,14 @@ mod tests {
         let scalars: Vec<f64> = mesh.faces.iter().map(|_| 0.1 + 3.0 * random.unit()).collect();
         let mut dense = vec![0.0; 64 * 64];
         for (face, weight) in mesh.faces.iter().zip(&scalars) {
-            let p = face.map(|vertex| mesh.positions[vertex as usize]);
-            let minus = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
-            let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-            let (u, v) = (minus(p[1], p[0]), minus(p[2], p[0]));
-            let area = 0.5 * (dot(u, u) * dot(v, v) - dot(u, v).powi(2)).sqrt();
-            let side = |k: usize| minus(p[(k + 2) % 3], p[(k + 1) % 3]);
+            let p = mesh.corners(face);
+            let (u, v) = (p[1] - p[0], p[2] - p[0]);
+            let area = 0.5 * (u.norm_squared() * v.norm_squared() - u.dot(v).powi(2)).sqrt();
+            let side = |k: usize| p[(k + 2) % 3] - p[(k + 1) % 3];
             for i in 0..3 {
                 for j in 0..3 {
                     let at = face[i] as usize * 64 + face[j] as usize;
-                    dense[at] += weight * dot(side(i), side(j)) / (4.0 * area);
+                    dense[at] += weight * side(i).dot(side(j)) / (4.0 * area);
                 }
             }
         }

@@ -2,6 +2,7 @@
 
 use chladni_mesh::numbering::{NumberingError, Translation};
 use chladni_spectral::field::{FieldSurface, HodgeDecomposition};
+use chladni_spectral::operator::frames::{complex, parts};
 use chladni_spectral::operator::hodge::FieldBoundary;
 use serde::{Deserialize, Serialize};
 
@@ -105,7 +106,7 @@ impl DecompositionRequest {
             2 => self.field.values.clone(),
             _ => {
                 let rows = self.field.values.as_chunks::<3>().0.iter().enumerate();
-                rows.flat_map(|(face, v)| frames.from_world(face, *v)).collect()
+                rows.flat_map(|(face, &v)| parts(frames.from_world(face, v.into()))).collect()
             }
         };
         let parts = decomposition.parts(surface, &stored);
@@ -119,7 +120,7 @@ impl DecompositionRequest {
             2 => part,
             _ => {
                 let rows = part.as_chunks::<2>().0.iter().enumerate();
-                rows.flat_map(|(face, v)| frames.to_world(face, *v)).collect()
+                rows.flat_map(|(face, &v)| frames.to_world(face, complex(v)).0).collect()
             }
         };
         Ok(DecompositionAnswer {

@@ -1,8 +1,9 @@
 //! Stored numbers of a field as a user reads them, face after face.
 
+use chladni_base::Vector3;
 use chladni_base::parallel::*;
 use chladni_spectral::field::{roots, tensor_axes};
-use chladni_spectral::operator::frames::FaceFrames;
+use chladni_spectral::operator::frames::{Complex64, FaceFrames, complex};
 use chladni_spectral::operator::transport::FieldKind;
 use serde::Deserialize;
 
@@ -76,10 +77,10 @@ fn put_all(
         |(at, (out, own))| match (kind, face(at)) {
             (FieldKind::Tensor {}, face) => tensor(frames, face, form, [own[0], own[1], own[2]].map(f64::from), out),
             (FieldKind::Vector {} | FieldKind::NVector { n: 1 }, face) => {
-                vector(frames, face, form, [own[0], own[1]].map(f64::from), out);
+                vector(frames, face, form, complex([own[0], own[1]].map(f64::from)), out);
             }
             (FieldKind::NVector { n }, face) => {
-                let representation = [own[0], own[1]].map(f64::from);
+                let representation = complex([own[0], own[1]].map(f64::from));
                 if form == Form::Roots {
                     for (out, root) in out.chunks_exact_mut(3).zip(roots(representation, n)) {
                         put(out, frames.to_world(face, root));
@@ -94,34 +95,33 @@ fn put_all(
 }
 
 /// The root whose angle is an n-th of the representation's.
-fn first_root(representation: [f64; 2], n: u32) -> [f64; 2] {
-    let length = representation[0].hypot(representation[1]);
-    let (sine, cosine) = (representation[1].atan2(representation[0]) / f64::from(n.max(1))).sin_cos();
-    [length * cosine, length * sine]
+fn first_root(representation: Complex64, n: u32) -> Complex64 {
+    let (sine, cosine) = (representation.arg() / f64::from(n.max(1))).sin_cos();
+    representation.norm() * Complex64::new(cosine, sine)
 }
 
-fn put(out: &mut [f32], v: [f64; 3]) {
-    out.iter_mut().zip(v).for_each(|(out, x)| *out = x as f32);
+fn put(out: &mut [f32], v: Vector3) {
+    out.iter_mut().zip(v.0).for_each(|(out, x)| *out = x as f32);
 }
 
-fn vector(frames: &FaceFrames, face: usize, form: Form, v: [f64; 2], out: &mut [f32]) {
+fn vector(frames: &FaceFrames, face: usize, form: Form, v: Complex64, out: &mut [f32]) {
     if form != Form::Axes {
         return put(out, frames.to_world(face, v));
     }
-    let length = v[0].hypot(v[1]);
-    let unit = if length > 0.0 { [v[0] / length, v[1] / length] } else { [0.0; 2] };
+    let length = v.norm();
+    let unit = if length > 0.0 { v / length } else { Complex64::ZERO };
     out[0] = length as f32;
     put(&mut out[1..], frames.to_world(face, unit));
 }
 
 fn tensor(frames: &FaceFrames, face: usize, form: Form, t: [f64; 3], out: &mut [f32]) {
     let axes = tensor_axes(t);
-    let [x, y] = axes.direction;
-    let (along, across) = (frames.to_world(face, [x, y]), frames.to_world(face, [-y, x]));
+    let Complex64 { re: x, im: y } = axes.direction;
+    let (along, across) = (frames.to_world(face, axes.direction), frames.to_world(face, Complex64::new(-y, x)));
     match form {
         Form::Roots => {
-            put(&mut out[..3], along.map(|c| c * axes.values[0]));
-            put(&mut out[3..], across.map(|c| c * axes.values[1]));
+            put(&mut out[..3], along * axes.values[0]);
+            put(&mut out[3..], across * axes.values[1]);
         }
         Form::Axes => {
             (out[0], out[1]) = (axes.values[0] as f32, axes.values[1] as f32);

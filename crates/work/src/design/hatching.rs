@@ -5,6 +5,7 @@ use chladni_spectral::field::{
     Camera, Drawing, HatchedLines, HatchingParameters, HatchingStyle, Streamline, Tone, hatch, streamlines,
     tensor_deviator,
 };
+use chladni_spectral::operator::frames::parts;
 use chladni_spectral::operator::transport::FieldKind;
 use serde::{Deserialize, Serialize};
 
@@ -281,7 +282,7 @@ fn directions(setting: &Setting, field: Vec<f32>) -> (u32, Vec<f32>) {
 
 /// The 2-field of the eigendirections of tensors.
 fn deviators(tensors: &[f32]) -> Vec<f32> {
-    let deviator = |t: &[f32; 3]| tensor_deviator(t.map(f64::from)).map(|x| x as f32);
+    let deviator = |t: &[f32; 3]| parts(tensor_deviator(t.map(f64::from))).map(|x| x as f32);
     tensors.as_chunks::<3>().0.iter().flat_map(deviator).collect()
 }
 

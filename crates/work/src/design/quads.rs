@@ -1,6 +1,6 @@
 //! From a cross field to quads: a field that follows creases and boundaries, and a seamless parametrisation along it.
 
-use chladni_base::Monitor;
+use chladni_base::{Monitor, Vector3};
 use chladni_mesh::numbering::Translation;
 use chladni_spectral::field::FieldSurface;
 use chladni_spectral::field::quad::{
@@ -8,7 +8,7 @@ use chladni_spectral::field::quad::{
     crosses_of, crowded, parametrise, split, write_matching, write_obj, write_raw_field, write_singularities,
     write_vtk,
 };
-use chladni_spectral::operator::frames::power;
+use chladni_spectral::operator::frames::{complex, parts, power};
 use chladni_spectral::operator::transport::FieldKind;
 use serde::{Deserialize, Serialize};
 
@@ -316,16 +316,16 @@ fn given(surface: &FieldSurface, table: &Table, place: &str) -> Result<Vec<f32>,
     let mut field = Vec::with_capacity(2 * faces);
     for (face, row) in table.values.chunks_exact(table.columns).enumerate() {
         let own = match *row {
-            [x, y, z] => surface.frames().from_world(face, [x, y, z]),
-            _ => [row[0], row[1]],
+            [x, y, z] => surface.frames().from_world(face, Vector3::new(x, y, z)),
+            _ => complex([row[0], row[1]]),
         };
-        let length = own[0].hypot(own[1]);
+        let length = own.norm();
         if !(length > 1e-12 * row.iter().map(|x| x.abs()).fold(0.0, f64::max) && length.is_finite()) {
             let reason = format!("the row of face {face} has no direction in the plane of the face");
             return Err(super::request::refused_at(face as u32, "field", place, reason));
         }
-        let unit = own.map(|x| x / length);
-        field.extend(if table.columns == 3 { power(unit, 4) } else { unit }.map(|x| x as f32));
+        let unit = own / length;
+        field.extend(parts(if table.columns == 3 { power(unit, 4) } else { unit }).map(|x| x as f32));
     }
     Ok(field)
 }
@@ -443,8 +443,8 @@ impl Quads {
             }
         });
         Ok(QuadsAnswer {
-            coordinates: table(6, self.parametrisation.coordinates.iter().flatten().flatten().copied().collect()),
-            directions: table(3, directions.flat_map(|(face, &d)| surface.frames().to_world(face, d)).collect()),
+            coordinates: table(6, self.parametrisation.coordinates.iter().flatten().flat_map(|&z| parts(z)).collect()),
+            directions: table(3, directions.flat_map(|(face, &d)| surface.frames().to_world(face, d).0).collect()),
             cut: cut.collect(),
             singularities: self
                 .combed

@@ -1,7 +1,7 @@
 //! What a design is asked for with, and the constraints that it means.
 
 use chladni_spectral::field::{BENDING, Constraint, FullSpace, Hold, direction_in_frame};
-use chladni_spectral::operator::frames::power;
+use chladni_spectral::operator::frames::{complex, power};
 use chladni_spectral::operator::transport::FieldKind;
 use serde::{Deserialize, Serialize};
 
@@ -591,8 +591,8 @@ impl Value {
                 if !(length > 0.0 && length.is_finite()) {
                     return Err(no_direction("is zero or not finite"));
                 }
-                let unit = power([x / length, y / length], kind.order());
-                Ok([length * unit[0], length * unit[1], 0.0])
+                let unit = power(complex([x / length, y / length]), kind.order());
+                Ok([length * unit.re, length * unit.im, 0.0])
             }
             (Some(_), Some(_)) => {
                 Err(refused("value", place, "give either a direction or a frame_direction, not both"))

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use chladni_spectral::operator::frames::power;
+use chladni_spectral::operator::frames::{Complex64, complex, parts, power};
 use chladni_spectral::operator::transport::FieldKind;
 use serde::{Deserialize, Serialize};
 
@@ -107,8 +107,8 @@ impl KeptField {
             Some(kind) if !tensors(kind) && !tensors(wanted) && wanted.order().is_multiple_of(kind.order()) => {
                 let times = wanted.order() / kind.order();
                 let turned = |own: &[f64; 2]| {
-                    let length = own[0].hypot(own[1]);
-                    if length > 0.0 { power(own.map(|x| x / length), times).map(|x| x * length) } else { [0.0; 2] }
+                    let (own, length) = (complex(*own), own[0].hypot(own[1]));
+                    parts(if length > 0.0 { power(own / length, times) * length } else { Complex64::ZERO })
                 };
                 Ok(values.as_chunks::<2>().0.iter().flat_map(turned).collect())
             }

@@ -3,6 +3,8 @@
 use std::collections::HashMap;
 use std::f64::consts::TAU;
 
+use chladni_base::Vector3;
+
 use crate::TriangleMesh;
 
 /// Angles that exceed 2π by less do so by rounding.
@@ -31,11 +33,8 @@ impl Edges {
     pub fn new(mesh: &TriangleMesh) -> Self {
         let (n, faces) = (mesh.positions.len(), mesh.faces.clone());
         let unit = unit(mesh);
-        let at = |v: u32| mesh.positions[v as usize].map(|x| x / unit);
-        let distance = |a: u32, b: u32| {
-            let (p, q) = (at(a), at(b));
-            (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>().sqrt()
-        };
+        let at = |v: u32| mesh.point(v) / unit;
+        let distance = |a: u32, b: u32| (at(a) - at(b)).norm();
         // The same whichever way an edge is followed.
         let side = |face: &[u32; 3], i: usize| (face[i].min(face[(i + 1) % 3]), face[i].max(face[(i + 1) % 3]));
         let lengths: Vec<f64> =
@@ -140,21 +139,18 @@ fn unit(mesh: &TriangleMesh) -> f64 {
 }
 
 /// The product of side `i` and of the way from where it begins to the corner that does not lie on it.
-fn along(corners: [[f64; 3]; 3], i: usize) -> f64 {
-    let [p, q, r] = [0, 1, 2].map(|k| corners[(i + k) % 3]);
-    (0..3).map(|k| (q[k] - p[k]) * (r[k] - p[k])).sum()
+fn along(corners: [Vector3; 3], i: usize) -> f64 {
+    let [p, q, r] = std::array::from_fn(|k| corners[(i + k) % 3]);
+    (q - p).dot(r - p)
 }
 
-fn doubled_area(corners: [[f64; 3]; 3]) -> f64 {
-    let square = |p: [f64; 3], q: [f64; 3]| (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>();
+fn doubled_area(corners: [Vector3; 3]) -> f64 {
     // From the two shorter sides: two long ones are nearly parallel where the third is short, and their product is what
     // rounding leaves.
-    let opposite = [0, 1, 2].map(|i| square(corners[(i + 1) % 3], corners[(i + 2) % 3]));
+    let opposite: [f64; 3] = std::array::from_fn(|i| (corners[(i + 1) % 3] - corners[(i + 2) % 3]).norm_squared());
     let at = (0..3).fold(0, |best, i| if opposite[i] > opposite[best] { i } else { best });
-    let [p, q, r] = [0, 1, 2].map(|k| corners[(at + k) % 3]);
-    let (a, b) = ([0, 1, 2].map(|k| q[k] - p[k]), [0, 1, 2].map(|k| r[k] - p[k]));
-    let normal = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-    (normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]).sqrt()
+    let [p, q, r] = std::array::from_fn(|k| corners[(at + k) % 3]);
+    (q - p).cross(r - p).norm()
 }
 
 /// The half-edges of each edge side by side, and for each half-edge where those of its edge lie.

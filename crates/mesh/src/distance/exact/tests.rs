@@ -10,8 +10,7 @@ fn distances(mesh: &TriangleMesh, source: u32) -> Vec<f64> {
 }
 
 fn straight(mesh: &TriangleMesh, a: usize, b: usize) -> f64 {
-    let (p, q) = (mesh.positions[a], mesh.positions[b]);
-    (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>().sqrt()
+    (mesh.points()[a] - mesh.points()[b]).norm()
 }
 
 fn at(mesh: &TriangleMesh, place: [f64; 3]) -> u32 {

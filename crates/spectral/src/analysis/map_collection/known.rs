@@ -1,12 +1,12 @@
 //! What is known of a shape before anything is known of a map: signatures, and the operators that they make.
 
 use chladni_algebra::DenseMatrix;
+use chladni_base::Vector3;
 use chladni_mesh::TriangleMesh;
 
 use super::{CollectionRequest, Shape, Side};
 use crate::analysis::error::AnalysisError;
 use crate::analysis::signature::Signature;
-use crate::operator::frames::{cross, minus};
 
 /// Energies of wave kernel signatures, and which of them are used: neighbours tell nearly the same.
 const ENERGIES: usize = 100;
@@ -118,6 +118,6 @@ fn turned(
 }
 
 fn flat(mesh: &TriangleMesh, face: &[u32; 3]) -> bool {
-    let [a, b, c] = face.map(|vertex| mesh.positions[vertex as usize]);
-    cross(minus(b, a), minus(c, a)) == [0.0; 3]
+    let [a, b, c] = mesh.corners(face);
+    (b - a).cross(c - a) == Vector3::ZERO
 }

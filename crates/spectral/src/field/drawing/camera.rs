@@ -2,7 +2,7 @@
 
 use chladni_mesh::TriangleMesh;
 
-use crate::operator::frames::{cross, dot, unit_vector};
+use super::{cross, dot, unit_vector};
 
 /// Where a drawing is seen from, in the units of the input.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]

@@ -3,12 +3,13 @@
 use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
 
-use chladni_base::{Cancelled, Monitor, SplitMix64};
+use chladni_base::{Cancelled, Monitor, SplitMix64, Vector3};
 
-use crate::operator::frames::{cross, dot, unit_vector};
+use crate::operator::frames::complex;
 
 use super::super::surface::FieldSurface;
 use super::light::{blend, corner_normals};
+use super::{cross, dot, unit_vector};
 
 /// Points that a strand has at most.
 pub const MOST_STRAND_POINTS: usize = 32;
@@ -130,17 +131,17 @@ fn roots(surface: &FieldSurface, strands: usize, random: &mut SplitMix64) -> Vec
 /// The field at vertices, as means by area of the vectors of faces.
 fn at_vertices(surface: &FieldSurface, field: &[f32]) -> Vec<[f64; 3]> {
     let (mesh, frames) = (surface.mesh(), surface.frames());
-    let mut sums = vec![([0.0; 3], 0.0); mesh.positions.len()];
+    let mut sums = vec![(Vector3::ZERO, 0.0); mesh.positions.len()];
     for (f, face) in mesh.faces.iter().enumerate() {
-        let vector = frames.to_world(f, [f64::from(field[2 * f]), f64::from(field[2 * f + 1])]);
+        let vector = frames.to_world(f, complex([field[2 * f], field[2 * f + 1]].map(f64::from)));
         let area = frames.areas()[f];
         for &v in face {
             let (sum, weight) = &mut sums[v as usize];
-            (0..3).for_each(|i| sum[i] += area * vector[i]);
+            *sum += area * vector;
             *weight += area;
         }
     }
-    sums.into_iter().map(|(sum, weight)| if weight > 0.0 { sum.map(|x| x / weight) } else { sum }).collect()
+    sums.into_iter().map(|(sum, weight)| if weight > 0.0 { sum / weight } else { sum }.into()).collect()
 }
 
 struct Grower<'a> {
@@ -250,6 +251,7 @@ fn leads(strand: usize) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::operator::frames::parts;
     use chladni_base::Unwatched;
     use chladni_mesh::TriangleMesh;
     use chladni_mesh::shape::{Shape, generate};
@@ -273,7 +275,7 @@ mod tests {
     }
 
     fn along_x(surface: &FieldSurface) -> Vec<f32> {
-        let of = |f: usize| surface.frames().from_world(f, [1.0, 0.0, 0.0]).map(|x| x as f32);
+        let of = |f: usize| parts(surface.frames().from_world(f, Vector3::AXES[0])).map(|x| x as f32);
         (0..surface.faces()).flat_map(of).collect()
     }
 

@@ -6,8 +6,6 @@ use std::ops::Range;
 use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor, SplitMix64};
 
-use crate::operator::frames::{dot, unit_vector};
-
 use super::super::surface::FieldSurface;
 use super::camera::{Camera, View, diagonal};
 use super::coat::Coat;
@@ -15,6 +13,7 @@ use super::light::{blend, corner_normals, from_light, usual};
 use super::png::png;
 use super::screen::{Screen, fill};
 use super::strand::{Band, Nib};
+use super::{dot, unit_vector};
 
 /// Pixels of a picture of fur at most.
 pub const MOST_PAINTED: u64 = 4_194_304;

@@ -8,8 +8,6 @@
 use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::TriangleMesh;
 
-use crate::operator::frames::{Planar, cross, dot};
-
 use super::super::streamline::Streamline;
 use super::super::surface::FieldSurface;
 use super::camera::{Camera, View};
@@ -17,6 +15,7 @@ use super::ink::{Drawing, Nib};
 use super::light::{Light, blend, corner_normals};
 use super::outline::outlines;
 use super::screen::Screen;
+use super::{cross, dot};
 
 /// Lines are looked at so often along a pixel.
 const STEPS_PER_PIXEL: f64 = 0.5;
@@ -260,7 +259,7 @@ impl Pencil<'_> {
     }
 
     /// A direction at a place as it is drawn there, for a unit of depth.
-    fn flat(&self, spot: &Spot, d: [f64; 3]) -> Planar {
+    fn flat(&self, spot: &Spot, d: [f64; 3]) -> [f64; 2] {
         let view = &self.paper;
         let p = [0, 1, 2].map(|i| spot.point[i] - view.eye[i]);
         let depth = spot.place[2];

@@ -2,10 +2,9 @@
 
 use chladni_mesh::TriangleMesh;
 
-use crate::operator::frames::{cross, dot, unit_vector};
-
 use super::camera::{Camera, View, diagonal};
 use super::screen::Screen;
+use super::{cross, dot, unit_vector};
 
 /// Faces that turn by more than this angle, in degrees, meet in a crease: normals are not averaged across it.
 pub(super) const CREASE: f64 = 40.0;

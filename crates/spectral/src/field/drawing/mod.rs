@@ -24,9 +24,24 @@ mod png;
 mod screen;
 mod strand;
 
+use chladni_base::Vector3;
+
 pub use self::png::png;
 pub use camera::{Camera, MOST_PIXELS};
 pub use coat::{Coat, CoatParameters, MOST_POINTS, MOST_STRAND_POINTS, grow};
 pub use hair::{HairStyle, MOST_PAINTED, paint};
 pub use hatching::{HatchedLines, HatchingStyle, Tone, hatch};
 pub use ink::Drawing;
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    Vector3(a).dot(Vector3(b))
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    Vector3(a).cross(Vector3(b)).into()
+}
+
+/// Along the first axis where there is no length.
+fn unit_vector(a: [f64; 3]) -> [f64; 3] {
+    crate::operator::frames::unit_vector(a.into()).into()
+}

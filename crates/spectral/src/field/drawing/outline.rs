@@ -4,11 +4,10 @@ use std::collections::HashMap;
 
 use chladni_mesh::dual::NO_FACE;
 
-use crate::operator::frames::dot;
-
 use super::super::streamline::Streamline;
 use super::super::surface::FieldSurface;
 use super::camera::diagonal;
+use super::dot;
 use super::light::CREASE;
 
 /// Lines shorter than this share of the diagonal are those of single faces, and left out.
@@ -71,7 +70,7 @@ fn edges(surface: &FieldSurface) -> Vec<Piece> {
     let mut pieces = Vec::new();
     for (edge, &[first, second]) in dual.edge_faces().iter().enumerate() {
         let f = first as usize;
-        if second != NO_FACE && dot(frames.normal(f), frames.normal(second as usize)) >= least {
+        if second != NO_FACE && frames.normal(f).dot(frames.normal(second as usize)) >= least {
             continue;
         }
         let k = dual.slot(first, edge as u32);

@@ -2,9 +2,8 @@
 
 use chladni_mesh::TriangleMesh;
 
-use crate::operator::frames::{cross, dot};
-
 use super::camera::{Camera, View, diagonal};
+use super::{cross, dot};
 
 /// No face.
 const NOTHING: u32 = u32::MAX;

@@ -14,7 +14,7 @@ use chladni_mesh::dual::NO_FACE;
 use super::super::surface::FieldSurface;
 use super::smoothest::smoothest;
 use super::{QuadError, creases};
-use crate::operator::frames::{Planar, multiply, normalise, power};
+use crate::operator::frames::{Complex64, complex, normalise, parts, power};
 use crate::operator::transport::FieldKind;
 
 /// What a cross field is asked to follow.
@@ -27,7 +27,7 @@ pub struct CrossParameters {
     /// The weight of the distance to the principal directions of curvature, on the surface of unit area.
     pub curvature: f64,
     /// Directions that are met exactly, in the frames of faces.
-    pub directions: Vec<(u32, Planar)>,
+    pub directions: Vec<(u32, [f64; 2])>,
 }
 
 impl Default for CrossParameters {
@@ -76,7 +76,7 @@ impl CrossField {
             return Err(QuadError::Parameter { name: "curvature", value: curvature, range });
         }
         let edges = creases(surface, angle, boundary);
-        let mut held: Vec<Option<Planar>> = vec![None; faces];
+        let mut held: Vec<Option<Complex64>> = vec![None; faces];
         let mut longest = vec![0.0f64; faces];
         for side in sides(surface, &edges) {
             // Of two creases of one face the longer one is followed.
@@ -86,16 +86,17 @@ impl CrossField {
             }
         }
         // Directions that are given go before creases.
-        let mut given: HashMap<u32, Planar> = HashMap::new();
+        let mut given: HashMap<u32, Complex64> = HashMap::new();
         for (at, &(face, direction)) in parameters.directions.iter().enumerate() {
             let Some(held) = held.get_mut(face as usize) else { return Err(QuadError::Face { at, face, faces }) };
-            let length = direction[0].hypot(direction[1]);
+            let direction = complex(direction);
+            let length = direction.norm();
             if !(length > 0.0 && length.is_finite()) {
                 return Err(QuadError::NoDirection { face: face as usize });
             }
-            let cross = power(direction.map(|x| x / length), 4);
+            let cross = power(direction / length, 4);
             if let Some(before) = given.insert(face, cross)
-                && (before[0] - cross[0]).hypot(before[1] - cross[1]) > SAME
+                && (before - cross).norm() > SAME
             {
                 return Err(QuadError::Contradiction { face });
             }
@@ -104,7 +105,11 @@ impl CrossField {
         monitor.checkpoint()?;
         let field = smoothest(surface, &held, curvature, monitor)?;
         let crease_error = missed(surface, &edges, &field);
-        Ok(Self { field: field.iter().flatten().map(|&x| x as f32).collect(), creases: edges, crease_error })
+        Ok(Self {
+            field: field.iter().flat_map(|&value| parts(value)).map(|x| x as f32).collect(),
+            creases: edges,
+            crease_error,
+        })
     }
 }
 
@@ -117,13 +122,13 @@ pub fn crosses_of(kind: FieldKind, field: &[f32]) -> Option<Vec<f32>> {
     }
     let rows = field.chunks_exact(kind.block()).map(|own| match kind {
         FieldKind::Tensor {} => super::super::reading::tensor_deviator([own[0], own[1], own[2]].map(f64::from)),
-        _ => [f64::from(own[0]), f64::from(own[1])],
+        _ => complex([own[0], own[1]].map(f64::from)),
     });
-    let unit = |value: Planar| {
-        let length = value[0].hypot(value[1]);
-        if length > 0.0 && length.is_finite() { power(value.map(|x| x / length), 4 / order) } else { [0.0; 2] }
+    let unit = |value: Complex64| {
+        let length = value.norm();
+        if length > 0.0 && length.is_finite() { power(value / length, 4 / order) } else { Complex64::ZERO }
     };
-    Some(rows.flat_map(|value| unit(value).map(|x| x as f32)).collect())
+    Some(rows.flat_map(|value| parts(unit(value)).map(|x| x as f32)).collect())
 }
 
 /// A face beside a crease.
@@ -133,7 +138,7 @@ pub(super) struct Side {
     /// The slot of the edge in the face.
     pub slot: usize,
     /// The unit direction of the edge in its frame.
-    pub along: Planar,
+    pub along: Complex64,
     pub length: f64,
 }
 
@@ -143,7 +148,7 @@ pub(super) fn sides<'a>(surface: &'a FieldSurface, edges: &'a [u32]) -> impl Ite
     let side = move |edge: u32, face: u32| {
         let slot = dual.slot(face, edge);
         let e = surface.frames().edges(face as usize)[slot];
-        Side { edge, face: face as usize, slot, along: normalise(e), length: e[0].hypot(e[1]) }
+        Side { edge, face: face as usize, slot, along: normalise(e), length: e.norm() }
     };
     edges.iter().flat_map(move |&edge| {
         let both = dual.edge_faces()[edge as usize].into_iter().filter(|&face| face != NO_FACE);
@@ -152,13 +157,12 @@ pub(super) fn sides<'a>(surface: &'a FieldSurface, edges: &'a [u32]) -> impl Ite
 }
 
 /// By how many degrees directions of crosses miss an edge.
-pub(super) fn off(side: &Side, value: Planar) -> f64 {
-    let along = power(side.along, 4);
-    let turn = multiply(value, [along[0], -along[1]]);
-    (turn[1].atan2(turn[0]) / 4.0).abs().to_degrees()
+pub(super) fn off(side: &Side, value: Complex64) -> f64 {
+    let turn = value * power(side.along, 4).conj();
+    (turn.arg() / 4.0).abs().to_degrees()
 }
 
-fn missed(surface: &FieldSurface, edges: &[u32], field: &[Planar]) -> [f64; 2] {
+fn missed(surface: &FieldSurface, edges: &[u32], field: &[Complex64]) -> [f64; 2] {
     let (mut sum, mut total, mut most) = (0.0, 0.0, 0.0f64);
     for side in sides(surface, edges) {
         let error = off(&side, field[side.face]);

@@ -17,14 +17,14 @@ use super::super::loops::{Sets, ends};
 use super::super::singularity::{Matching, Singularity, least_angles};
 use super::super::surface::FieldSurface;
 use super::QuadError;
-use crate::operator::frames::{Planar, Turn, multiply, power};
+use crate::operator::frames::{Complex64, Turn, inner, outer, power};
 use crate::operator::transport::FieldKind;
 
 /// A cross field on the surface cut open.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Combed {
     /// One of the four directions of each face, of length 1 in its frame: inside the cut it goes on from face to face.
-    pub directions: Vec<Planar>,
+    pub directions: Vec<Complex64>,
     /// For each edge, from its lower face to the upper one: direction `k` of four, counted counter-clockwise from the
     /// one with the least angle from 0 to 90 degrees in the frame, goes on as direction `k + matching`.
     pub matching: Vec<u8>,
@@ -84,7 +84,7 @@ pub fn comb(surface: &FieldSurface, field: &[f32], matching: &[Matching]) -> Res
     let jumps: Vec<u8> = edge_faces.iter().enumerate().map(jump).collect();
     let directions = first.par_iter().zip(&turns).with_min_len(PIECE).map(|(angle, &turn)| {
         let (sine, cosine) = angle.sin_cos();
-        multiply([cosine, sine], power([0.0, 1.0], u32::from(turn)))
+        Complex64::new(cosine, sine) * power(Complex64::I, u32::from(turn))
     });
     Ok(Combed { directions: directions.collect(), matching, jumps, cut, singularities })
 }
@@ -100,7 +100,7 @@ fn matched(surface: &FieldSurface, first: &[f64], angles: &[f64]) -> Vec<u8> {
             let Some(Turn { by: carried, .. }) = carried.filter(|_| high != NO_FACE) else { return 0 };
             // The first direction of the lower face, turned as the field turns, against the first one of the upper
             // face; whole quarters but for rounding.
-            let there = first[high as usize] + carried[1].atan2(carried[0]);
+            let there = first[high as usize] + carried.arg();
             ((first[low as usize] + angle / 4.0 - there) / FRAC_PI_2).round().rem_euclid(4.0) as u8
         })
         .collect()
@@ -118,7 +118,7 @@ fn singular_vertices(surface: &FieldSurface, angles: &[f64], matching: &[u8]) ->
             let (face, k) = (corner as usize / 3, corner as usize % 3);
             let edges = frames.edges(face);
             let (a, b) = (edges[(k + 2) % 3], edges[(k + 1) % 3]);
-            defect -= (a[0] * b[1] - a[1] * b[0]).abs().atan2(-(a[0] * b[0] + a[1] * b[1]));
+            defect -= outer(a, b).abs().atan2(-inner(a, b));
             let edge = dual.edges(face)[(k + 1) % 3] as usize;
             let sign = if dual.edge_faces()[edge][0] as usize == face { 1 } else { -1 };
             rotation += f64::from(sign) * angles[edge];

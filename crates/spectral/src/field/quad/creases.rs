@@ -3,7 +3,6 @@
 use chladni_mesh::dual::NO_FACE;
 
 use super::super::surface::FieldSurface;
-use crate::operator::frames::dot;
 
 /// The inner edges whose faces turn by at least `angle` degrees from one to the other, and with `boundary` those of one
 /// face; edges as the dual graph counts, ascending. Faces without area have no normal, and no sharp edges.
@@ -17,7 +16,7 @@ pub fn creases(surface: &FieldSurface, angle: Option<f64>, boundary: bool) -> Ve
             return boundary && !flat(face);
         }
         let Some(cosine) = cosine.filter(|_| !flat(face) && !flat(other)) else { return false };
-        dot(frames.normal(face as usize), frames.normal(other as usize)) <= cosine
+        frames.normal(face as usize).dot(frames.normal(other as usize)) <= cosine
     };
     let edges = dual.edge_faces().iter().enumerate();
     edges.filter(|(_, faces)| sharp(faces)).map(|(edge, _)| edge as u32).collect()

@@ -8,7 +8,7 @@ use chladni_mesh::dual::NO_FACE;
 use super::super::loops::ends;
 use super::super::surface::FieldSurface;
 use super::{Combed, Parametrisation};
-use crate::operator::frames::{multiply, power};
+use crate::operator::frames::{Complex64, power};
 
 /// The corners of each face numbered so that two at one vertex share a number where no seam lies between them, and the
 /// corner of each number.
@@ -52,7 +52,7 @@ pub fn write_obj(
         writeln!(out, "v {x} {y} {z}")?;
     }
     for [face, k] in corner_of {
-        let [u, v] = parametrisation.coordinates[face][k];
+        let Complex64 { re: u, im: v } = parametrisation.coordinates[face][k];
         writeln!(out, "vt {u} {v}")?;
     }
     for (face, numbers) in surface.mesh().faces.iter().zip(&numbers) {
@@ -87,12 +87,12 @@ pub fn write_vtk(
     }
     write!(out, "POINT_DATA {}\nTEXTURE_COORDINATES uv 2 double\n", corner_of.len())?;
     for [face, k] in corner_of {
-        let [u, v] = parametrisation.coordinates[face][k];
+        let Complex64 { re: u, im: v } = parametrisation.coordinates[face][k];
         writeln!(out, "{u} {v}")?;
     }
     write!(out, "CELL_DATA {faces}\nVECTORS cross double\n")?;
     for (face, &direction) in combed.directions.iter().enumerate() {
-        let [x, y, z] = surface.frames().to_world(face, direction);
+        let [x, y, z] = surface.frames().to_world(face, direction).0;
         writeln!(out, "{x} {y} {z}")?;
     }
     write!(out, "SCALARS inverted int 1\nLOOKUP_TABLE default\n")?;
@@ -109,7 +109,7 @@ pub fn write_raw_field(surface: &FieldSurface, combed: &Combed, out: &mut dyn Wr
     writeln!(out, "4 {}", surface.faces())?;
     for (face, &direction) in combed.directions.iter().enumerate() {
         let numbers: Vec<String> = (0..4)
-            .flat_map(|k| surface.frames().to_world(face, multiply(direction, power([0.0, 1.0], k))))
+            .flat_map(|k| surface.frames().to_world(face, direction * power(Complex64::I, k)).0)
             .map(|x| x.to_string())
             .collect();
         writeln!(out, "{}", numbers.join(" "))?;

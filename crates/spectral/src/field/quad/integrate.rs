@@ -14,9 +14,9 @@ use super::dissection::{Neighbours, dissected};
 use super::rounding;
 use super::seams::Seams;
 use super::system::Parts;
-use super::untangle::untangle;
+use super::untangle::{doubled, untangle};
 use super::{Combed, MOST_ROUNDED, QuadError};
-use crate::operator::frames::{Planar, conjugate, multiply};
+use crate::operator::frames::Complex64;
 
 /// Up to so many vertices the order of minimum degree is found fast enough, and fills in less.
 const LARGE: usize = 30_000;
@@ -112,7 +112,7 @@ pub struct ParametrisationParameters {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parametrisation {
     /// Of each corner of each face: whole numbers are grid lines.
-    pub coordinates: Vec<[Planar; 3]>,
+    pub coordinates: Vec<[Complex64; 3]>,
     /// Faces that are turned over, or have no area in the coordinates.
     pub inverted: Vec<u32>,
     /// The root of the mean square, by area, of how far gradients are from the directions, where 1 is the length of
@@ -216,7 +216,7 @@ pub fn parametrise(
     let deviation = (squares.sum::<f64>() / areas.iter().sum::<f64>()).sqrt();
     let mut spacing = parameters.spacing;
     if halved {
-        coordinates.iter_mut().flatten().flatten().for_each(|x| *x *= 2.0);
+        coordinates.iter_mut().flatten().for_each(|z| *z *= 2.0);
         spacing /= 2.0;
     }
     Ok(Parametrisation { coordinates, inverted, deviation, spacing, misfit, rounds })
@@ -231,42 +231,35 @@ fn solved(factor: &Factor, right: Vec<f64>) -> Vec<f64> {
 }
 
 /// Faces whose corners do not run counter-clockwise in the coordinates.
-fn turned_over(coordinates: &[[Planar; 3]]) -> Vec<u32> {
-    let area = |[a, b, c]: [Planar; 3]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-    (0..coordinates.len() as u32).filter(|&face| !(area(coordinates[face as usize]) > 0.0)).collect()
+fn turned_over(coordinates: &[[Complex64; 3]]) -> Vec<u32> {
+    (0..coordinates.len() as u32).filter(|&face| !(doubled(coordinates[face as usize]) > 0.0)).collect()
 }
 
 /// The gradient of the coordinates of a face against its direction, as the two numbers of a linear map `z ↦ a z + b z̄`
 /// that would be 1 and 0.
-fn map(parts: &Parts, face: usize, coordinates: &[Planar; 3]) -> [Planar; 2] {
+fn map(parts: &Parts, face: usize, coordinates: &[Complex64; 3]) -> [Complex64; 2] {
     // From two edges, each with what it should be and what it is.
     let [e, f] = [1, 2].map(|k| parts.wanted(face, k));
-    let [p, q] = [1, 2].map(|k: usize| {
-        let (from, to) = (coordinates[(k + 1) % 3], coordinates[(k + 2) % 3]);
-        [to[0] - from[0], to[1] - from[1]]
-    });
+    let [p, q] = [1, 2].map(|k: usize| coordinates[(k + 2) % 3] - coordinates[(k + 1) % 3]);
     // a e + b ē = p, a f + b f̄ = q.
-    let determinant = 2.0 * (e[1] * f[0] - e[0] * f[1]);
-    let over = |z: Planar| {
+    let determinant = 2.0 * (e.im * f.re - e.re * f.im);
+    let over = |z: Complex64| {
         // Divided by the imaginary unit times the determinant.
-        if determinant == 0.0 { [0.0; 2] } else { [z[1] / determinant, -z[0] / determinant] }
+        if determinant == 0.0 { Complex64::ZERO } else { Complex64::new(z.im, -z.re) / determinant }
     };
-    let minus = |a: Planar, b: Planar| [a[0] - b[0], a[1] - b[1]];
-    let a = over(minus(multiply(p, conjugate(f)), multiply(q, conjugate(e))));
-    let b = over(minus(multiply(q, e), multiply(p, f)));
-    [a, b]
+    [over(p * f.conj() - q * e.conj()), over(q * e - p * f)]
 }
 
 /// How far the gradient of a face is from its directions: the length of the difference, where 1 is theirs.
-fn distance(parts: &Parts, face: usize, coordinates: &[Planar; 3]) -> f64 {
+fn distance(parts: &Parts, face: usize, coordinates: &[Complex64; 3]) -> f64 {
     let [a, b] = map(parts, face, coordinates);
-    ((a[0] - 1.0).powi(2) + a[1].powi(2) + b[0].powi(2) + b[1].powi(2)).sqrt()
+    ((a.re - 1.0).powi(2) + a.im.powi(2) + b.re.powi(2) + b.im.powi(2)).sqrt()
 }
 
 /// Makes faces stiffer the more they are stretched, and by most where they are turned over.
-fn stiffen(parts: &Parts, coordinates: &[[Planar; 3]], stiffness: &mut [f64]) {
+fn stiffen(parts: &Parts, coordinates: &[[Complex64; 3]], stiffness: &mut [f64]) {
     for (face, stiffness) in stiffness.iter_mut().enumerate() {
-        let [a, b] = map(parts, face, &coordinates[face]).map(|z| z[0].hypot(z[1]));
+        let [a, b] = map(parts, face, &coordinates[face]).map(Complex64::norm);
         // Singular values, the second with the sign of the orientation.
         let (large, small) = (a + b, a - b);
         *stiffness += ((large - 1.0).abs() + (small - 1.0).abs()).min(5.0);

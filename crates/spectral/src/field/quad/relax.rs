@@ -10,7 +10,7 @@ use chladni_base::{Cancelled, Monitor};
 
 use super::system::Parts;
 use super::untangle::{Held, doubled, turn};
-use crate::operator::frames::{Planar, conjugate, multiply};
+use crate::operator::frames::{Complex64, inner};
 
 /// Rings of faces around a face that is turned over.
 const RINGS: usize = 5;
@@ -49,7 +49,7 @@ pub(super) fn relax(
     parts: &Parts,
     held: &[Held],
     solution: &mut [f64],
-    coordinates: &mut [[Planar; 3]],
+    coordinates: &mut [[Complex64; 3]],
     inverted: &[u32],
     monitor: &dyn Monitor,
 ) -> Result<(), Cancelled> {
@@ -63,11 +63,12 @@ pub(super) fn relax(
         let Some(fewer) = left.checked_sub(1) else { break };
         left = fewer;
         let patch = patch(parts, face);
-        let over =
-            |coordinates: &[[Planar; 3]]| patch.iter().filter(|&&f| !(doubled(coordinates[f as usize]) > 0.0)).count();
+        let over = |coordinates: &[[Complex64; 3]]| {
+            patch.iter().filter(|&&f| !(doubled(coordinates[f as usize]) > 0.0)).count()
+        };
         let free = free(parts, held, &patch);
         let (before, count) = (patch.iter().map(|&f| coordinates[f as usize]).collect::<Vec<_>>(), over(coordinates));
-        let mut steps = vec![[0.0; 2]; free.len()];
+        let mut steps = vec![Complex64::ZERO; free.len()];
         for _ in 0..SWEEPS {
             sweep(parts, &patch, &free, coordinates, &mut steps);
             if over(coordinates) == 0 {
@@ -75,8 +76,11 @@ pub(super) fn relax(
             }
         }
         if over(coordinates) < count {
-            for (own, step) in free.iter().zip(&steps) {
-                (0..2).for_each(|i| solution[2 * own.vertex as usize + i] += step[i]);
+            for (own, &step) in free.iter().zip(&steps) {
+                solution[2 * own.vertex as usize..][..2]
+                    .iter_mut()
+                    .zip([step.re, step.im])
+                    .for_each(|(sum, x)| *sum += x);
             }
         } else {
             patch.iter().zip(before).for_each(|(&f, own)| coordinates[f as usize] = own);
@@ -131,59 +135,55 @@ fn free(parts: &Parts, held: &[Held], patch: &[u32]) -> Vec<Free> {
 struct Piece {
     area: f64,
     square: f64,
-    slope: Planar,
+    slope: Complex64,
     bend: f64,
     determinant: f64,
-    rise: Planar,
+    rise: Complex64,
 }
 
 impl Piece {
     /// `None` where the face itself has no area.
-    fn new(parts: &Parts, coordinates: &[[Planar; 3]], corner: u32) -> Option<Self> {
+    fn new(parts: &Parts, coordinates: &[[Complex64; 3]], corner: u32) -> Option<Self> {
         let (face, k) = (corner as usize / 3, corner as usize % 3);
         let z = coordinates[face];
         let (w, q, r) = (z[k], z[(k + 1) % 3], z[(k + 2) % 3]);
         let area = parts.surface.frames().areas()[face];
         let wanted = area / (parts.spacing * parts.spacing);
-        let [own, first, second] = [0, 1, 2].map(|i| parts.half_cotangent(face, (k + i) % 3) / wanted);
-        let minus = |a: Planar, b: Planar| [a[0] - b[0], a[1] - b[1]];
-        let norm = |a: Planar| a[0] * a[0] + a[1] * a[1];
-        let square = own * norm(minus(q, r)) + first * norm(minus(w, r)) + second * norm(minus(w, q));
-        let slope = [0, 1].map(|i| 2.0 * (first * (w[i] - r[i]) + second * (w[i] - q[i])));
-        let back = conjugate(turn(parts, corner));
-        let rise = [q[1] - r[1], r[0] - q[0]].map(|x| x / (2.0 * wanted));
+        let [own, first, second] = std::array::from_fn(|i| parts.half_cotangent(face, (k + i) % 3) / wanted);
+        let square = own * (q - r).norm_sqr() + first * (w - r).norm_sqr() + second * (w - q).norm_sqr();
+        let slope = 2.0 * (first * (w - r) + second * (w - q));
+        let back = turn(parts, corner).conj();
+        let rise = Complex64::new(q.im - r.im, r.re - q.re) / (2.0 * wanted);
         let piece = Self {
             area,
             // Rounding may leave less than nothing.
             square: square.max(0.0),
-            slope: multiply(slope, back),
+            slope: slope * back,
             bend: 2.0 * (first + second),
             determinant: doubled(z) / (2.0 * wanted),
-            rise: multiply(rise, back),
+            rise: rise * back,
         };
         (wanted > 0.0 && square.is_finite()).then_some(piece)
     }
 
-    fn value(&self, step: Planar, epsilon: f64) -> f64 {
-        let along = |a: Planar| a[0] * step[0] + a[1] * step[1];
-        let square = self.square + along(self.slope) + 0.5 * self.bend * (step[0] * step[0] + step[1] * step[1]);
-        let determinant = self.determinant + along(self.rise);
+    fn value(&self, step: Complex64, epsilon: f64) -> f64 {
+        let square = self.square + inner(self.slope, step) + 0.5 * self.bend * step.norm_sqr();
+        let determinant = self.determinant + inner(self.rise, step);
         self.area * (square + AREAS * (1.0 + determinant * determinant)) / chi(determinant, epsilon)
     }
 
     /// Gradient and a positive part of the second derivatives at rest: both diagonal entries, then the one beside them.
-    fn derivatives(&self, epsilon: f64) -> (Planar, [f64; 3]) {
+    fn derivatives(&self, epsilon: f64) -> (Complex64, [f64; 3]) {
         let d = self.determinant;
         let root = d.hypot(epsilon);
         let chi = chi(d, epsilon);
         let (first, second) = (chi / root, 0.5 * epsilon * epsilon / (root * root * root));
         let top = self.square + AREAS * (1.0 + d * d);
         let g = self.rise;
-        let gradient = [0, 1]
-            .map(|i| self.area * ((self.slope[i] + 2.0 * AREAS * d * g[i]) / chi - top * first * g[i] / (chi * chi)));
+        let gradient = self.area * ((self.slope + 2.0 * AREAS * d * g) / chi - top * first * g / (chi * chi));
         let across = (2.0 * AREAS / chi + top * (2.0 * first * first / chi - second).max(0.0) / (chi * chi)).max(0.0);
         let bend = self.bend / chi;
-        let second = [bend + across * g[0] * g[0], bend + across * g[1] * g[1], across * g[0] * g[1]];
+        let second = [bend + across * g.re * g.re, bend + across * g.im * g.im, across * g.re * g.im];
         (gradient, second.map(|x| self.area * x))
     }
 }
@@ -196,7 +196,7 @@ fn chi(determinant: f64, epsilon: f64) -> f64 {
 }
 
 /// One step for each vertex.
-fn sweep(parts: &Parts, patch: &[u32], free: &[Free], coordinates: &mut [[Planar; 3]], steps: &mut [Planar]) {
+fn sweep(parts: &Parts, patch: &[u32], free: &[Free], coordinates: &mut [[Complex64; 3]], steps: &mut [Complex64]) {
     let areas = parts.surface.frames().areas();
     let determinant = |&f: &u32| {
         doubled(coordinates[f as usize]) * parts.spacing * parts.spacing
@@ -206,36 +206,36 @@ fn sweep(parts: &Parts, patch: &[u32], free: &[Free], coordinates: &mut [[Planar
     let epsilon = (LEAST * LEAST + SHARE * SHARE * worst * worst).sqrt();
     for (own, total) in free.iter().zip(steps) {
         let pieces: Vec<Piece> = own.corners.iter().filter_map(|&c| Piece::new(parts, coordinates, c)).collect();
-        let (mut g, mut h) = ([0.0; 2], [0.0; 3]);
+        let (mut g, mut h) = (Complex64::ZERO, [0.0; 3]);
         for piece in &pieces {
             let (gradient, second) = piece.derivatives(epsilon);
-            (0..2).for_each(|i| g[i] += gradient[i]);
+            g += gradient;
             (0..3).for_each(|i| h[i] += second[i]);
         }
         let mut step = match own.held {
             [false, false] => {
                 let whole = h[0] * h[1] - h[2] * h[2];
-                [(h[2] * g[1] - h[1] * g[0]) / whole, (h[2] * g[0] - h[0] * g[1]) / whole]
+                Complex64::new(h[2] * g.im - h[1] * g.re, h[2] * g.re - h[0] * g.im) / whole
             }
-            held => [0, 1].map(|i| if held[i] { 0.0 } else { -g[i] / h[i] }),
+            [across, up] => {
+                Complex64::new(if across { 0.0 } else { -g.re / h[0] }, if up { 0.0 } else { -g.im / h[1] })
+            }
         };
-        if !step.iter().all(|x| x.is_finite()) {
+        if !step.is_finite() {
             continue;
         }
-        let value = |step: Planar| pieces.iter().map(|piece| piece.value(step, epsilon)).sum::<f64>();
-        let rest = value([0.0; 2]);
+        let value = |step: Complex64| pieces.iter().map(|piece| piece.value(step, epsilon)).sum::<f64>();
+        let rest = value(Complex64::ZERO);
         let Some(step) = (0..HALVINGS).find_map(|_| {
             let tried = step;
-            step = step.map(|x| 0.5 * x);
+            step *= 0.5;
             (value(tried) < rest).then_some(tried)
         }) else {
             continue;
         };
-        (0..2).for_each(|i| total[i] += step[i]);
+        *total += step;
         for &corner in &own.corners {
-            let slot = &mut coordinates[corner as usize / 3][corner as usize % 3];
-            let change = multiply(turn(parts, corner), step);
-            *slot = [slot[0] + change[0], slot[1] + change[1]];
+            coordinates[corner as usize / 3][corner as usize % 3] += turn(parts, corner) * step;
         }
     }
 }
@@ -262,14 +262,22 @@ mod tests {
 
     #[test]
     fn derivatives_are_those_of_the_value() {
-        let piece =
-            Piece { area: 0.3, square: 2.4, slope: [0.7, -0.4], bend: 1.9, determinant: -0.2, rise: [0.6, 1.1] };
+        let piece = Piece {
+            area: 0.3,
+            square: 2.4,
+            slope: Complex64::new(0.7, -0.4),
+            bend: 1.9,
+            determinant: -0.2,
+            rise: Complex64::new(0.6, 1.1),
+        };
         let epsilon = 0.3;
         let (gradient, _) = piece.derivatives(epsilon);
-        for i in 0..2 {
-            let step = |x: f64| std::array::from_fn(|k| if k == i { x } else { 0.0 });
-            let difference = (piece.value(step(1e-6), epsilon) - piece.value(step(-1e-6), epsilon)) / 2e-6;
-            assert!((difference - gradient[i]).abs() < 1e-6 * gradient[i].abs(), "{difference} {gradient:?}");
+        for axis in [Complex64::ONE, Complex64::I] {
+            let (difference, slope) = (
+                (piece.value(1e-6 * axis, epsilon) - piece.value(-1e-6 * axis, epsilon)) / 2e-6,
+                inner(gradient, axis),
+            );
+            assert!((difference - slope).abs() < 1e-6 * slope.abs(), "{difference} {gradient:?}");
         }
     }
 }

@@ -14,7 +14,7 @@ use super::super::singularity::least_angles;
 use super::super::surface::FieldSurface;
 use super::QuadError;
 use super::smoothest::KIND;
-use crate::operator::frames::{Planar, Turn, normalise, power};
+use crate::operator::frames::{Complex64, Turn, inner, normalise, outer, parts, power};
 use crate::operator::transport::turn;
 
 /// Beyond the curvature of its vertex a simple zero turns a representation by one full turn, up to rounding to whole
@@ -43,10 +43,10 @@ struct Zero {
 /// [`QuadError::Zero`] names a vertex of index 1 or more that could not be split, and whatever `response` fails with.
 pub(super) fn split_zeros(
     surface: &FieldSurface,
-    held: &[Option<Planar>],
-    field: Vec<Planar>,
-    response: impl FnOnce(Vec<f64>) -> Result<Vec<Planar>, QuadError>,
-) -> Result<Vec<Planar>, QuadError> {
+    held: &[Option<Complex64>],
+    field: Vec<Complex64>,
+    response: impl FnOnce(Vec<f64>) -> Result<Vec<Complex64>, QuadError>,
+) -> Result<Vec<Complex64>, QuadError> {
     let zeros = zeros(surface, held, &field);
     if zeros.is_empty() {
         return Ok(field);
@@ -56,10 +56,9 @@ pub(super) fn split_zeros(
     if pushed {
         let mut added = response(push)?;
         let scales = scales(surface, &field, &added, &zeros);
-        added.iter_mut().zip(&scales).for_each(|(v, scale)| *v = v.map(|x| x * scale));
+        added.iter_mut().zip(&scales).for_each(|(v, scale)| *v *= scale);
         for share in SHARES {
-            let sum = |(u, v): (&Planar, &Planar)| [0, 1].map(|i| u[i] + share * v[i]);
-            let split: Vec<Planar> = field.iter().zip(&added).map(sum).collect();
+            let split: Vec<Complex64> = field.iter().zip(&added).map(|(u, v)| u + share * v).collect();
             let left = self::zeros(surface, held, &split);
             if left.is_empty() {
                 return Ok(split);
@@ -81,9 +80,11 @@ fn impossible(zeros: &[Zero]) -> Option<Zero> {
 }
 
 /// Vertices around which a field turns by more than a simple zero does.
-fn zeros(surface: &FieldSurface, held: &[Option<Planar>], field: &[Planar]) -> Vec<Zero> {
+fn zeros(surface: &FieldSurface, held: &[Option<Complex64>], field: &[Complex64]) -> Vec<Zero> {
     let (dual, frames, mesh) = (surface.dual(), surface.frames(), surface.mesh());
-    let unit = |(value, held): (&Planar, &Option<Planar>)| held.unwrap_or_else(|| normalise(*value)).map(|x| x as f32);
+    let unit = |(value, held): (&Complex64, &Option<Complex64>)| {
+        parts(held.unwrap_or_else(|| normalise(*value))).map(|x| x as f32)
+    };
     let stored: Vec<f32> = field.iter().zip(held).flat_map(unit).collect();
     // Sizes fit: every face of the surface has put its numbers there.
     let Ok(angles) = least_angles(surface, KIND, &stored) else { return Vec::new() };
@@ -96,7 +97,7 @@ fn zeros(surface: &FieldSurface, held: &[Option<Planar>], field: &[Planar]) -> V
             let (face, k) = (corner as usize / 3, corner as usize % 3);
             let edges = frames.edges(face);
             let (a, b) = (edges[(k + 2) % 3], edges[(k + 1) % 3]);
-            defect -= (a[0] * b[1] - a[1] * b[0]).abs().atan2(-(a[0] * b[0] + a[1] * b[1]));
+            defect -= outer(a, b).abs().atan2(-inner(a, b));
             let edge = dual.edges(face)[(k + 1) % 3] as usize;
             rotation += if dual.edge_faces()[edge][0] as usize == face { angles[edge] } else { -angles[edge] };
         }
@@ -108,21 +109,23 @@ fn zeros(surface: &FieldSurface, held: &[Option<Planar>], field: &[Planar]) -> V
 
 /// One direction carried around each of these vertices, times the areas of the faces that are free; and whether there
 /// are such.
-fn push(surface: &FieldSurface, held: &[Option<Planar>], zeros: &[Zero]) -> (Vec<f64>, bool) {
+fn push(surface: &FieldSurface, held: &[Option<Complex64>], zeros: &[Zero]) -> (Vec<f64>, bool) {
     let (dual, frames, mesh) = (surface.dual(), surface.frames(), surface.mesh());
     let (mut right, mut corners, mut any) = (vec![0.0; 2 * surface.faces()], Vec::new(), false);
     for zero in zeros {
         if !dual.fan(mesh, zero.vertex, &mut corners) {
             continue;
         }
-        let mut value: Option<Planar> = None;
+        let mut value: Option<Complex64> = None;
         for &corner in &corners {
             let (face, k) = (corner as usize / 3, corner as usize % 3);
             // Along the first edge from the vertex.
             let own = value.unwrap_or_else(|| power(normalise(frames.edges(face)[(k + 2) % 3]), 4));
             if held[face].is_none() {
                 any = true;
-                (0..2).for_each(|i| right[2 * face + i] += frames.areas()[face] * own[i]);
+                let own = frames.areas()[face] * own;
+                right[2 * face] += own.re;
+                right[2 * face + 1] += own.im;
             }
             // What is carried from the next face into this one, the other way round.
             let across = turn(KIND, dual, frames, face, (k + 1) % 3).unwrap_or(Turn::NONE);
@@ -134,9 +137,9 @@ fn push(surface: &FieldSurface, held: &[Option<Planar>], zeros: &[Zero]) -> (Vec
 
 /// For each face what makes the response as large as the largest value of the field: of its component, and at its own
 /// vertices.
-fn scales(surface: &FieldSurface, field: &[Planar], added: &[Planar], zeros: &[Zero]) -> Vec<f64> {
+fn scales(surface: &FieldSurface, field: &[Complex64], added: &[Complex64], zeros: &[Zero]) -> Vec<f64> {
     let (components, count) = surface.dual().components();
-    let size = |value: &Planar| value[0].hypot(value[1]);
+    let size = |value: &Complex64| value.norm();
     let (mut largest, mut around) = (vec![0.0f64; count], vec![f64::INFINITY; count]);
     for (value, &c) in field.iter().zip(&components) {
         largest[c as usize] = largest[c as usize].max(size(value));

@@ -18,7 +18,7 @@ use super::super::refine_response::conjugate_gradients;
 use super::super::surface::FieldSurface;
 use super::QuadError;
 use super::simple::split_zeros;
-use crate::operator::frames::{Planar, normalise};
+use crate::operator::frames::{Complex64, complex, normalise, parts};
 use crate::operator::tangential::FieldOperator;
 use crate::operator::transport::{FieldKind, transport_stiffness};
 
@@ -58,7 +58,7 @@ type Pull = (Vec<f64>, Vec<f64>);
 
 /// What is asked of a field: values held on faces, and for each of its numbers a weight and a target to be near.
 struct Wanted<'a> {
-    held: &'a [Option<Planar>],
+    held: &'a [Option<Complex64>],
     pull: Option<Pull>,
     /// Of each face whether its component has values that are held, or is pulled.
     bound: Vec<bool>,
@@ -70,20 +70,20 @@ struct Wanted<'a> {
 /// [`QuadError`]: no factor, or cancellation.
 pub(super) fn smoothest(
     surface: &FieldSurface,
-    held: &[Option<Planar>],
+    held: &[Option<Complex64>],
     curvature: f64,
     monitor: &dyn Monitor,
-) -> Result<Vec<Planar>, QuadError> {
+) -> Result<Vec<Complex64>, QuadError> {
     let wanted = Wanted::new(surface, held, curvature);
     let field = solved(surface, &wanted, monitor)?;
     let field = split_zeros(surface, held, field, |push| {
-        let still: Vec<Option<Planar>> = held.iter().map(|held| held.map(|_| [0.0; 2])).collect();
+        let still: Vec<Option<Complex64>> = held.iter().map(|held| held.map(|_| Complex64::ZERO)).collect();
         solved(surface, &wanted.pushed(surface, &still, push), monitor)
     })?;
     Ok(field.into_iter().zip(held).map(|(value, held)| held.unwrap_or_else(|| normalise(value))).collect())
 }
 
-fn solved(surface: &FieldSurface, wanted: &Wanted, monitor: &dyn Monitor) -> Result<Vec<Planar>, QuadError> {
+fn solved(surface: &FieldSurface, wanted: &Wanted, monitor: &dyn Monitor) -> Result<Vec<Complex64>, QuadError> {
     if surface.faces() <= LARGE {
         return by_factor(surface, wanted, monitor);
     }
@@ -96,7 +96,7 @@ fn solved(surface: &FieldSurface, wanted: &Wanted, monitor: &dyn Monitor) -> Res
 }
 
 impl<'a> Wanted<'a> {
-    fn new(surface: &FieldSurface, held: &'a [Option<Planar>], curvature: f64) -> Self {
+    fn new(surface: &FieldSurface, held: &'a [Option<Complex64>], curvature: f64) -> Self {
         let areas = surface.frames().areas();
         let (components, count) = surface.dual().components();
         let pull = if curvature > 0.0 { pull(surface) } else { None };
@@ -121,15 +121,15 @@ impl<'a> Wanted<'a> {
     }
 
     /// The weight of a face, and its weighted target.
-    fn pulled(&self, face: usize) -> (f64, Planar) {
-        self.pull
-            .as_ref()
-            .map_or((0.0, [0.0; 2]), |(weights, targets)| (weights[face], [0, 1].map(|i| targets[2 * face + i])))
+    fn pulled(&self, face: usize) -> (f64, Complex64) {
+        self.pull.as_ref().map_or((0.0, Complex64::ZERO), |(weights, targets)| {
+            (weights[face], complex(targets.as_chunks::<2>().0[face]))
+        })
     }
 
     /// The same where nothing but a push acts: `still` are zeros where values are held. What nothing binds answers
     /// within its own size.
-    fn pushed<'b>(&self, surface: &FieldSurface, still: &'b [Option<Planar>], push: Vec<f64>) -> Wanted<'b> {
+    fn pushed<'b>(&self, surface: &FieldSurface, still: &'b [Option<Complex64>], push: Vec<f64>) -> Wanted<'b> {
         let weight = |(face, &area): (usize, &f64)| match self.bound[face] {
             true => self.pulled(face).0,
             false => FREE_SHIFT * area,
@@ -152,10 +152,10 @@ fn pull(surface: &FieldSurface) -> Option<DirectionField> {
 }
 
 /// By a factor of the faces that are free.
-fn by_factor(surface: &FieldSurface, wanted: &Wanted, monitor: &dyn Monitor) -> Result<Vec<Planar>, QuadError> {
+fn by_factor(surface: &FieldSurface, wanted: &Wanted, monitor: &dyn Monitor) -> Result<Vec<Complex64>, QuadError> {
     let (faces, held) = (surface.faces(), wanted.held);
     let stiffness = transport_stiffness::<2>(KIND, surface.dual(), surface.frames()).to_sparse();
-    let mut field: Vec<Planar> = held.iter().map(|held| held.unwrap_or([0.0; 2])).collect();
+    let mut field: Vec<Complex64> = held.iter().map(|held| held.unwrap_or_default()).collect();
     let least_diagonal = stiffness.values().iter().fold(0.0f64, |most, x| most.max(x.abs())) * 1e-15;
     if wanted.bound.contains(&true) {
         let free: Vec<u32> =
@@ -164,9 +164,9 @@ fn by_factor(surface: &FieldSurface, wanted: &Wanted, monitor: &dyn Monitor) -> 
         let mut diagonal = vec![least_diagonal; free.len()];
         for (&row, diagonal) in free.iter().zip(&mut diagonal) {
             let (columns, values) = stiffness.row(row as usize);
-            let beside = columns.iter().zip(values).map(|(&c, &s)| s * field[c as usize / 2][c as usize % 2]);
+            let beside = columns.iter().zip(values).map(|(&c, &s)| s * parts(field[c as usize / 2])[c as usize % 2]);
             let (weight, target) = wanted.pulled(row as usize / 2);
-            right.push(target[row as usize % 2] - beside.sum::<f64>());
+            right.push(parts(target)[row as usize % 2] - beside.sum::<f64>());
             *diagonal += weight;
         }
         if !free.is_empty() {
@@ -174,7 +174,8 @@ fn by_factor(surface: &FieldSurface, wanted: &Wanted, monitor: &dyn Monitor) -> 
             let factor = Factor::new(&matrix, monitor)?;
             let mut columns = [right];
             factor.solve(&mut columns);
-            free.iter().zip(&columns[0]).for_each(|(&row, &x)| field[row as usize / 2][row as usize % 2] = x);
+            let numbers: &mut [f64] = bytemuck::cast_slice_mut(&mut field);
+            free.iter().zip(&columns[0]).for_each(|(&row, &x)| numbers[row as usize] = x);
         }
     }
     if wanted.bound.contains(&false) {
@@ -189,7 +190,7 @@ fn lowest(
     surface: &FieldSurface,
     stiffness: &chladni_algebra::SparseMatrix,
     monitor: &dyn Monitor,
-) -> Result<Vec<Planar>, QuadError> {
+) -> Result<Vec<Complex64>, QuadError> {
     let areas = surface.frames().areas();
     let (components, count) = surface.dual().components();
     // On unit area eigenvalues are of the order of ten and more.
@@ -208,7 +209,7 @@ fn lowest(
             *x /= squares[components[i / 2] as usize].sqrt().max(f64::MIN_POSITIVE);
         }
     }
-    Ok(field.as_chunks::<2>().0.to_vec())
+    Ok(bytemuck::cast_slice(&field).to_vec())
 }
 
 fn with_diagonal(matrix: &chladni_algebra::SparseMatrix, diagonal: &[f64]) -> chladni_algebra::SparseMatrix {
@@ -224,11 +225,12 @@ fn with_diagonal(matrix: &chladni_algebra::SparseMatrix, diagonal: &[f64]) -> ch
 }
 
 /// By cycles over coarser levels.
-fn by_levels(surface: &FieldSurface, wanted: &Wanted, monitor: &dyn Monitor) -> Result<Vec<Planar>, RefineError> {
+fn by_levels(surface: &FieldSurface, wanted: &Wanted, monitor: &dyn Monitor) -> Result<Vec<Complex64>, RefineError> {
     let (faces, held) = (surface.faces(), wanted.held);
     let whole = transport_stiffness::<2>(KIND, surface.dual(), surface.frames());
     let mut right = vec![0.0; 2 * faces];
-    right.as_chunks_mut::<2>().0.par_iter_mut().enumerate().with_min_len(1 << 12).for_each(|(face, own)| {
+    let values: &mut [Complex64] = bytemuck::cast_slice_mut(&mut right);
+    values.par_iter_mut().enumerate().with_min_len(1 << 12).for_each(|(face, own)| {
         if held[face].is_some() {
             return;
         }
@@ -236,7 +238,7 @@ fn by_levels(surface: &FieldSurface, wanted: &Wanted, monitor: &dyn Monitor) -> 
         let (columns, blocks) = whole.row(face);
         for (&other, block) in columns.iter().zip(blocks) {
             let Some(value) = held[other as usize] else { continue };
-            (0..2).for_each(|i| own[i] -= block[i][0] * value[0] + block[i][1] * value[1]);
+            *own -= complex(block.map(|row| row[0] * value.re + row[1] * value.im));
         }
     });
     let plain = wanted.pull.is_none() && held.iter().all(Option::is_none);
@@ -246,12 +248,12 @@ fn by_levels(surface: &FieldSurface, wanted: &Wanted, monitor: &dyn Monitor) -> 
     let levels = hierarchy(&operator, surface.dual(), surface.frames(), COARSEST, monitor)?;
     let cycles = Cycles::new(&levels, monitor)?;
     let stiffness = &operator.stiffness;
-    let mut field = vec![[0.0; 2]; faces];
+    let mut field = vec![Complex64::ZERO; faces];
     if wanted.bound.contains(&true) {
         let shifted = cycles.shifted(HELD_SHIFT);
         let cycle = |r: &[f64]| Ok(shifted.cycle(r));
         let found = conjugate_gradients(|x| stiffness.multiply(x), cycle, &right, TOLERANCE, monitor)?;
-        field.copy_from_slice(found.as_chunks::<2>().0);
+        field.copy_from_slice(bytemuck::cast_slice(&found));
         held.iter()
             .zip(&mut field)
             .filter_map(|(held, own)| Some((held.as_ref()?, own)))
@@ -260,7 +262,7 @@ fn by_levels(surface: &FieldSurface, wanted: &Wanted, monitor: &dyn Monitor) -> 
     if wanted.bound.contains(&false) {
         let begin = lowest_of_coarsest(&levels, monitor)?;
         let alone = least_quotient(surface, stiffness, &cycles, begin, monitor)?;
-        let own = alone.as_chunks::<2>().0;
+        let own: &[Complex64] = bytemuck::cast_slice(&alone);
         (0..faces).filter(|&face| !wanted.bound[face]).for_each(|face| field[face] = own[face]);
     }
     Ok(field)
@@ -418,9 +420,8 @@ mod tests {
     use chladni_mesh::fixtures::union;
     use chladni_mesh::shape::{Shape, generate, noisy};
 
-    fn apart(a: &[Planar], b: &[Planar]) -> f64 {
-        let one = |(a, b): (&Planar, &Planar)| (a[0] - b[0]).hypot(a[1] - b[1]);
-        a.iter().zip(b).map(one).fold(0.0, f64::max)
+    fn apart(a: &[Complex64], b: &[Complex64]) -> f64 {
+        a.iter().zip(b).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max)
     }
 
     #[test]
@@ -429,7 +430,7 @@ mod tests {
         let mut random = SplitMix64::new(11);
         let mut held = vec![None; surface.faces()];
         for _ in 0..300 {
-            let direction = normalise([random.signed_unit(), random.signed_unit()]);
+            let direction = normalise(complex([(); 2].map(|()| random.signed_unit())));
             held[random.below(surface.faces())] = Some(direction);
         }
         let none = vec![None; surface.faces()];
@@ -451,13 +452,13 @@ mod tests {
         let stiffness = transport_stiffness::<2>(KIND, surface.dual(), surface.frames());
         let (components, count) = surface.dual().components();
         assert_eq!(count, 2);
-        let quotients = |field: &[Planar]| {
-            let image = stiffness.multiply(field.as_flattened());
+        let quotients = |field: &[Complex64]| {
+            let image = stiffness.multiply(bytemuck::cast_slice(field));
             let (mut above, mut below) = ([0.0; 2], [0.0; 2]);
             for (face, own) in field.iter().enumerate() {
                 let c = components[face] as usize;
-                above[c] += own[0] * image[2 * face] + own[1] * image[2 * face + 1];
-                below[c] += surface.frames().areas()[face] * (own[0] * own[0] + own[1] * own[1]);
+                above[c] += own.re * image[2 * face] + own.im * image[2 * face + 1];
+                below[c] += surface.frames().areas()[face] * own.norm_sqr();
             }
             [above[0] / below[0], above[1] / below[1]]
         };
@@ -465,11 +466,11 @@ mod tests {
         let found = quotients(&by_levels(&surface, &wanted, &Unwatched).unwrap());
         (0..2).for_each(|c| assert!(found[c] < 1.01 * direct[c], "{found:?} {direct:?}"));
         // One of them held: the other is as it was.
-        held[0] = Some([1.0, 0.0]);
+        held[0] = Some(Complex64::ONE);
         let wanted = Wanted::new(&surface, &held, 0.0);
         let found = by_levels(&surface, &wanted, &Unwatched).unwrap();
         let other = 1 - components[0] as usize;
         assert!(quotients(&found)[other] < 1.01 * direct[other]);
-        assert!(found[0] == [1.0, 0.0]);
+        assert!(found[0] == Complex64::ONE);
     }
 }

@@ -13,7 +13,7 @@ use super::super::surface::FieldSurface;
 use super::aligned::{off, sides};
 use super::seams::{Seams, Whole, quarter_turned};
 use super::{Combed, VertexOrder};
-use crate::operator::frames::{Planar, conjugate, multiply, power};
+use crate::operator::frames::{Complex64, complex, inner, parts, power};
 
 /// How much more a crease that is to be a grid line weighs than the edges around it.
 const FIRM: f64 = 1e7;
@@ -77,26 +77,22 @@ impl Parts<'_> {
     }
 
     /// The coordinates of all corners.
-    pub fn coordinates(&self, solution: &[f64]) -> Vec<[Planar; 3]> {
+    pub fn coordinates(&self, solution: &[f64]) -> Vec<[Complex64; 3]> {
         let each = |face: usize| {
             let mut terms = Vec::with_capacity(4);
-            [0, 1, 2].map(|k| {
+            std::array::from_fn(|k| {
                 terms.clear();
                 self.corner(face, k, &mut terms, 1);
-                terms.iter().fold([0.0; 2], |sum: Planar, &(unknown, [x, y])| {
-                    let at = [0, 1].map(|i| solution[2 * unknown as usize + i]);
-                    let part = multiply(at, [f64::from(x), f64::from(y)]);
-                    [sum[0] + part[0], sum[1] + part[1]]
-                })
+                let at = |unknown: u32| complex([0, 1].map(|i| solution[2 * unknown as usize + i]));
+                terms.iter().map(|&(unknown, whole)| at(unknown) * complex(whole.map(f64::from))).sum()
             })
         };
         (0..self.surface.faces()).into_par_iter().with_min_len(1 << 12).map(each).collect()
     }
 
     /// How much coordinates should change along edge `k` of a face, from corner `k + 1` to corner `k + 2`.
-    pub fn wanted(&self, face: usize, k: usize) -> Planar {
-        let step = multiply(self.surface.frames().edges(face)[k], conjugate(self.combed.directions[face]));
-        step.map(|x| x / self.spacing)
+    pub fn wanted(&self, face: usize, k: usize) -> Complex64 {
+        self.surface.frames().edges(face)[k] * self.combed.directions[face].conj() / self.spacing
     }
 
     /// Half the cotangent of the angle at a corner.
@@ -104,7 +100,7 @@ impl Parts<'_> {
         let frames = self.surface.frames();
         let e = frames.edges(face);
         let (a, b) = (e[(k + 1) % 3], e[(k + 2) % 3]);
-        -(a[0] * b[0] + a[1] * b[1]) / (4.0 * frames.areas()[face])
+        -inner(a, b) / (4.0 * frames.areas()[face])
     }
 
     /// Whether no corner of a face lies beyond a seam.
@@ -133,8 +129,8 @@ impl Parts<'_> {
                 return None;
             }
             last = side.edge;
-            let along = multiply(side.along, conjugate(direction));
-            let part = if along[0].abs() > along[1].abs() { Real::V } else { Real::U };
+            let along = side.along * direction.conj();
+            let part = if along.re.abs() > along.im.abs() { Real::V } else { Real::U };
             Some(real(&self.difference(side.face, side.slot), part))
         })
     }
@@ -149,24 +145,24 @@ impl Parts<'_> {
         // Of each face whether it is plain, and for each edge its weight and what coordinates should change by along
         // it.
         let each = |(face, &factor): (usize, &f64)| {
-            let sides = [0, 1, 2].map(|k| (factor * self.half_cotangent(face, k), self.wanted(face, k)));
+            let sides = std::array::from_fn(|k| (factor * self.half_cotangent(face, k), self.wanted(face, k)));
             (self.plain(face), sides)
         };
-        let faces: Vec<(bool, [(f64, Planar); 3])> =
+        let faces: Vec<(bool, [(f64, Complex64); 3])> =
             stiffness.par_iter().enumerate().with_min_len(1 << 12).map(each).collect();
         for (face, &(plain, sides)) in faces.iter().enumerate() {
             for (k, (weight, wanted)) in sides.into_iter().enumerate() {
                 if plain {
                     weights[dual.edges(face)[k] as usize] += weight;
                     let [a, b] = [1, 2].map(|i| 2 * mesh.faces[face][(k + i) % 3] as usize);
-                    for i in 0..2 {
-                        right[a + i] -= weight * wanted[i];
-                        right[b + i] += weight * wanted[i];
+                    for (i, wanted) in parts(wanted).into_iter().enumerate() {
+                        right[a + i] -= weight * wanted;
+                        right[b + i] += weight * wanted;
                     }
                 } else {
                     let terms = self.difference(face, k);
-                    rows.push(Row { terms: real(&terms, Real::U), value: wanted[0], weight });
-                    rows.push(Row { terms: real(&terms, Real::V), value: wanted[1], weight });
+                    rows.push(Row { terms: real(&terms, Real::U), value: wanted.re, weight });
+                    rows.push(Row { terms: real(&terms, Real::V), value: wanted.im, weight });
                 }
             }
         }

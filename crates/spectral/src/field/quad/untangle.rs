@@ -15,7 +15,7 @@ use super::aligned::{off, sides};
 use super::relax::relax;
 use super::seams::quarter_turned;
 use super::system::{ASTRAY, Parts};
-use crate::operator::frames::{Planar, conjugate, multiply, power};
+use crate::operator::frames::{Complex64, complex, outer, power};
 
 /// Passes over the faces that are left.
 const PASSES: usize = 60;
@@ -27,7 +27,7 @@ const MOST_FACES: usize = 16;
 const GAIN: f64 = 1e-6;
 
 /// An area as it changes with a vertex: at rest, and by its two coordinates; 1 is the area that it should have.
-type Area = (f64, Planar);
+type Area = (f64, Complex64);
 
 /// Which of the two coordinates of a vertex stay.
 pub(super) type Held = [bool; 2];
@@ -39,7 +39,7 @@ pub(super) type Held = [bool; 2];
 pub(super) fn untangle(
     parts: &Parts,
     solution: &mut [f64],
-    coordinates: &mut [[Planar; 3]],
+    coordinates: &mut [[Complex64; 3]],
     inverted: Vec<u32>,
     monitor: &dyn Monitor,
 ) -> Result<(), Cancelled> {
@@ -58,7 +58,7 @@ fn one_by_one(
     parts: &Parts,
     held: &[Held],
     solution: &mut [f64],
-    coordinates: &mut [[Planar; 3]],
+    coordinates: &mut [[Complex64; 3]],
     mut inverted: Vec<u32>,
 ) -> Vec<u32> {
     let (mesh, dual) = (parts.surface.mesh(), parts.surface.dual());
@@ -77,12 +77,11 @@ fn one_by_one(
             let Some(step) = best(&areas, held) else { continue };
             moved = true;
             for &corner in &corners {
-                let slot = &mut coordinates[corner as usize / 3][corner as usize % 3];
-                let own = multiply(turn(parts, corner), step);
-                *slot = [slot[0] + own[0], slot[1] + own[1]];
+                coordinates[corner as usize / 3][corner as usize % 3] += turn(parts, corner) * step;
             }
             inverted.extend(corners.iter().map(|&corner| corner / 3));
-            (0..2).for_each(|i| solution[2 * vertex as usize + i] += step[i]);
+            solution[2 * vertex as usize] += step.re;
+            solution[2 * vertex as usize + 1] += step.im;
         }
         inverted.retain(|&face| !(doubled(coordinates[face as usize]) > 0.0));
         inverted.sort_unstable();
@@ -104,8 +103,8 @@ fn held(parts: &Parts) -> Vec<Held> {
         if off(&side, power(direction, 4)) > ASTRAY {
             continue;
         }
-        let along = multiply(side.along, conjugate(direction));
-        let across = if along[0].abs() > along[1].abs() { 1 } else { 0 };
+        let along = side.along * direction.conj();
+        let across = if along.re.abs() > along.im.abs() { 1 } else { 0 };
         for k in [1, 2].map(|i| (side.slot + i) % 3) {
             let odd = usize::from(parts.seams.quarters[3 * side.face + k]) % 2;
             held[mesh.faces[side.face][k] as usize][across ^ odd] = true;
@@ -119,40 +118,40 @@ fn held(parts: &Parts) -> Vec<Held> {
 }
 
 /// The quarter turn of a corner as a number.
-pub(super) fn turn(parts: &Parts, corner: u32) -> Planar {
-    quarter_turned([1, 0], i32::from(parts.seams.quarters[corner as usize])).map(f64::from)
+pub(super) fn turn(parts: &Parts, corner: u32) -> Complex64 {
+    complex(quarter_turned([1, 0], i32::from(parts.seams.quarters[corner as usize])).map(f64::from))
 }
 
 /// Twice the area of a face in its coordinates.
-pub(super) fn doubled([a, b, c]: [Planar; 3]) -> f64 {
-    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+pub(super) fn doubled([a, b, c]: [Complex64; 3]) -> f64 {
+    outer(b - a, c - a)
 }
 
 /// The area of the face of a corner, as it changes with the coordinates of the vertex there; `None` where the face
 /// itself has none.
-fn area(parts: &Parts, coordinates: &[[Planar; 3]], corner: u32) -> Option<Area> {
+fn area(parts: &Parts, coordinates: &[[Complex64; 3]], corner: u32) -> Option<Area> {
     let (face, k) = (corner as usize / 3, corner as usize % 3);
     let z = coordinates[face];
     let (q, r) = (z[(k + 1) % 3], z[(k + 2) % 3]);
     let wanted = 2.0 * parts.surface.frames().areas()[face] / (parts.spacing * parts.spacing);
-    let slope = multiply([q[1] - r[1], r[0] - q[0]], conjugate(turn(parts, corner)));
-    (wanted > 0.0).then(|| (doubled(z) / wanted, slope.map(|x| x / wanted)))
+    let slope = Complex64::new(q.im - r.im, r.re - q.re) * turn(parts, corner).conj();
+    (wanted > 0.0).then(|| (doubled(z) / wanted, slope / wanted))
 }
 
 /// The step by which the least of some areas becomes largest, without coordinates that stay; `None` where it is
 /// positive already, or would not grow.
-fn best(areas: &[Area], held: Held) -> Option<Planar> {
+fn best(areas: &[Area], held: Held) -> Option<Complex64> {
     let least = areas.iter().map(|area| area.0).fold(f64::INFINITY, f64::min);
     if !(least <= 0.0) || held == [true; 2] {
         return None;
     }
-    let at = |area: &Area, step: Planar| area.0 + area.1[0] * step[0] + area.1[1] * step[1];
-    let mut found: Option<(f64, Planar)> = None;
-    let mut consider = |first: &Area, step: Planar| {
+    let at = |area: &Area, step: Complex64| area.0 + area.1.re * step.re + area.1.im * step.im;
+    let mut found: Option<(f64, Complex64)> = None;
+    let mut consider = |first: &Area, step: Complex64| {
         let value = at(first, step);
         let lowest = areas.iter().map(|area| at(area, step)).fold(f64::INFINITY, f64::min);
         let holds = lowest >= value - 1e-9 * value.abs().max(1.0);
-        if step.iter().all(|x| x.is_finite()) && holds && found.is_none_or(|best| lowest > best.0) {
+        if step.is_finite() && holds && found.is_none_or(|best| lowest > best.0) {
             found = Some((lowest, step));
         }
     };
@@ -160,81 +159,75 @@ fn best(areas: &[Area], held: Held) -> Option<Planar> {
         for j in 0..i {
             if let Some(free) = held.iter().position(|held| !held).filter(|_| held.contains(&true)) {
                 // Where two areas are equal on the line.
-                let mut step = [0.0; 2];
-                step[free] = (areas[j].0 - areas[i].0) / (areas[i].1[free] - areas[j].1[free]);
+                let (rise, slope) = (areas[j].0 - areas[i].0, areas[i].1 - areas[j].1);
+                let step = if free == 0 { complex([rise / slope.re, 0.0]) } else { complex([0.0, rise / slope.im]) };
                 consider(&areas[i], step);
                 continue;
             }
             for k in 0..j {
                 // Where three areas are equal.
-                let rows = [j, k].map(|other| {
-                    let slope = [0, 1].map(|x| areas[i].1[x] - areas[other].1[x]);
-                    (slope, areas[other].0 - areas[i].0)
-                });
+                let rows = [j, k].map(|other| (areas[i].1 - areas[other].1, areas[other].0 - areas[i].0));
                 let [(a, p), (b, q)] = rows;
-                let whole = a[0] * b[1] - a[1] * b[0];
-                consider(&areas[i], [(p * b[1] - q * a[1]) / whole, (a[0] * q - b[0] * p) / whole]);
+                let step = Complex64::new(p * b.im - q * a.im, a.re * q - b.re * p) / outer(a, b);
+                consider(&areas[i], step);
             }
         }
     }
     // One face far over is not traded for many that are a little.
-    let over = |step: Planar| areas.iter().filter(|area| !(at(area, step) > 0.0)).count();
-    found.filter(|best| best.0 > least + GAIN && over(best.1) <= over([0.0; 2])).map(|best| best.1)
+    let over = |step: Complex64| areas.iter().filter(|area| !(at(area, step) > 0.0)).count();
+    found.filter(|best| best.0 > least + GAIN && over(best.1) <= over(Complex64::ZERO)).map(|best| best.1)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::operator::frames::inner;
 
     /// The faces between a vertex at the origin and a polygon around it.
-    fn around(polygon: &[Planar]) -> Vec<Area> {
+    fn around(polygon: &[Complex64]) -> Vec<Area> {
         let next = |i: usize| polygon[(i + 1) % polygon.len()];
         polygon
             .iter()
             .enumerate()
             .map(|(i, &q)| {
                 let r = next(i);
-                (doubled([[0.0; 2], q, r]), [q[1] - r[1], r[0] - q[0]])
+                (doubled([Complex64::ZERO, q, r]), Complex64::new(q.im - r.im, r.re - q.re))
             })
             .collect()
     }
 
     #[test]
     fn a_vertex_outside_its_polygon_comes_to_where_the_least_face_is_largest() {
-        let square: Vec<Planar> = [[1.0, 0.0], [3.0, 0.0], [3.0, 2.0], [1.0, 2.0]].to_vec();
+        let square: Vec<Complex64> = [[1.0, 0.0], [3.0, 0.0], [3.0, 2.0], [1.0, 2.0]].map(complex).to_vec();
         let step = best(&around(&square), [false; 2]).unwrap();
-        assert!((step[0] - 2.0).abs() < 1e-9 && (step[1] - 1.0).abs() < 1e-9, "{step:?}");
-        let inside: Vec<Planar> = square.iter().map(|p| [p[0] - 2.5, p[1] - 0.5]).collect();
+        assert!((step.re - 2.0).abs() < 1e-9 && (step.im - 1.0).abs() < 1e-9, "{step:?}");
+        let inside: Vec<Complex64> = square.iter().map(|p| p - Complex64::new(2.5, 0.5)).collect();
         assert_eq!(best(&around(&inside), [false; 2]), None);
     }
 
     #[test]
     fn a_vertex_that_is_held_slides() {
-        let polygon: Vec<Planar> = [[1.0, -1.0], [3.0, -1.0], [3.0, 2.0], [1.0, 2.0]].to_vec();
+        let polygon: Vec<Complex64> = [[1.0, -1.0], [3.0, -1.0], [3.0, 2.0], [1.0, 2.0]].map(complex).to_vec();
         let step = best(&around(&polygon), [false, true]).unwrap();
-        assert!(step[1] == 0.0 && step[0] > 1.0 && step[0] < 3.0, "{step:?}");
+        assert!(step.im == 0.0 && step.re > 1.0 && step.re < 3.0, "{step:?}");
         // Along the other coordinate it never comes inside.
-        let over = |step: Planar| {
-            around(&polygon).iter().filter(|a| !(a.0 + a.1[0] * step[0] + a.1[1] * step[1] > 0.0)).count()
-        };
+        let over = |step: Complex64| around(&polygon).iter().filter(|a| !(a.0 + inner(a.1, step) > 0.0)).count();
         assert_eq!(over(step), 0);
-        assert!(best(&around(&polygon), [true, false]).is_none_or(|step| step[0] == 0.0 && over(step) > 0));
+        assert!(best(&around(&polygon), [true, false]).is_none_or(|step| step.re == 0.0 && over(step) > 0));
         assert_eq!(best(&around(&polygon), [true; 2]), None);
     }
 
     #[test]
     fn no_step_turns_more_faces_over() {
-        let over = |areas: &[Area], step: Planar| {
-            areas.iter().filter(|a| !(a.0 + a.1[0] * step[0] + a.1[1] * step[1] > 0.0)).count()
-        };
+        let over = |areas: &[Area], step: Complex64| areas.iter().filter(|a| !(a.0 + inner(a.1, step) > 0.0)).count();
         let mut random = chladni_base::SplitMix64::new(3);
         let mut taken = 0;
         for _ in 0..2000 {
-            let polygon: Vec<Planar> = (0..6).map(|_| [random.signed_unit(), random.signed_unit()]).collect();
+            let polygon: Vec<Complex64> = (0..6).map(|_| complex([(); 2].map(|()| random.signed_unit()))).collect();
             let areas = around(&polygon);
             if let Some(step) = best(&areas, [false; 2]) {
                 taken += 1;
-                assert!(over(&areas, step) <= over(&areas, [0.0; 2]), "{polygon:?}");
+                assert!(over(&areas, step) <= over(&areas, Complex64::ZERO), "{polygon:?}");
             }
         }
         assert!(taken > 100, "{taken}");

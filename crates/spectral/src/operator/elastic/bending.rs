@@ -15,9 +15,10 @@
 //! the edge stays: the angle is that by which the face turns.
 
 use chladni_algebra::Block;
+use chladni_base::Vector3;
 use chladni_mesh::TriangleMesh;
 
-use super::{NOBODY, Vector, cross, dot, minus, times};
+use super::NOBODY;
 
 /// The vertices that the curvature of a face depends on, at most: its corners, the apexes of its neighbours, and those
 /// of theirs.
@@ -65,16 +66,16 @@ pub(super) struct Curvatures {
     /// The corners first; [`NOBODY`] where there is none.
     pub stencil: [u32; STENCIL],
     /// The gradients of the three with respect to each vertex of the stencil.
-    pub gradients: [[Vector; 3]; STENCIL],
+    pub gradients: [[Vector3; 3]; STENCIL],
 }
 
 impl Curvatures {
-    fn add(&mut self, weights: Vector, vertex: u32, gradient: Vector) {
+    fn add(&mut self, weights: Vector3, vertex: u32, gradient: Vector3) {
         let place = self.stencil.iter().position(|&v| v == vertex || v == NOBODY);
         if let Some(place) = place {
             self.stencil[place] = vertex;
-            for (sum, weight) in self.gradients[place].iter_mut().zip(weights) {
-                (0..3).for_each(|axis| sum[axis] += weight * gradient[axis]);
+            for (sum, weight) in self.gradients[place].iter_mut().zip(weights.0) {
+                *sum += weight * gradient;
             }
         }
     }
@@ -96,10 +97,10 @@ impl Surroundings<'_> {
     pub fn curvatures(&self, face: u32, flat: &Flat, rigidity: f64) -> Curvatures {
         let mut stencil = [NOBODY; STENCIL];
         stencil[..3].copy_from_slice(&flat.corners);
-        let mut curvatures = Curvatures { stencil, gradients: [[[0.0; 3]; 3]; STENCIL] };
+        let mut curvatures = Curvatures { stencil, gradients: [[Vector3::ZERO; 3]; STENCIL] };
         let beyond = self.beyond[face as usize];
         let weights = self.weights(flat, rigidity, beyond);
-        let origin = self.mesh.positions[flat.corners[0] as usize];
+        let origin = self.mesh.point(flat.corners[0]);
         let hinges: [Option<Hinge>; 3] = std::array::from_fn(|k| {
             let [a, b, c] = [1, 2, 0].map(|step| flat.corners[(k + step) % 3]);
             self.hinge(origin, [a, b, c], beyond[k], flat.edges[k])
@@ -121,12 +122,12 @@ impl Surroundings<'_> {
                 [data[3], data[4]] = there.each_ref().map(Option::as_ref);
                 let edge = flat.edges[k];
                 let (own, other) = (hinge.front.quadratics(edge), back.quadratics(edge.map(|x| -x)));
-                shares = shared(&data, times(0.5, minus(own, other)), self.poisson);
+                shares = shared(&data, 0.5 * (own - other), self.poisson);
             }
             shares[0] += 0.5;
             for (hinge, share) in data.iter().zip(shares) {
                 if let Some(hinge) = hinge {
-                    hinge.each(|vertex, gradient| curvatures.add(weights[k], vertex, times(share, gradient)));
+                    hinge.each(|vertex, gradient| curvatures.add(weights[k], vertex, share * gradient));
                 }
             }
         }
@@ -135,28 +136,26 @@ impl Surroundings<'_> {
 
     /// What a unit angle at each edge adds to the three combinations; those of free edges are chosen for the least
     /// energy.
-    fn weights(&self, flat: &Flat, rigidity: f64, beyond: [Beyond; 3]) -> [Vector; 3] {
+    fn weights(&self, flat: &Flat, rigidity: f64, beyond: [Beyond; 3]) -> [Vector3; 3] {
         let (size, poisson) = ((rigidity * flat.area).sqrt(), self.poisson);
         let (second, third) = ((1.0 - poisson * poisson).sqrt(), (2.0 * (1.0 - poisson)).sqrt());
         let mut weights = flat.edges.map(|[x, y]| {
             let factor = size / (flat.area * (x * x + y * y).sqrt());
-            times(factor, [y * y + poisson * x * x, second * x * x, -third * x * y])
+            factor * Vector3::new(y * y + poisson * x * x, second * x * x, -third * x * y)
         });
         for k in (0..3).filter(|&k| beyond[k] == Beyond::Nothing) {
             let free = std::mem::take(&mut weights[k]);
-            let square = dot(free, free);
+            let square = free.norm_squared();
             if square > 0.0 {
-                weights.iter_mut().for_each(|own| *own = minus(*own, times(dot(*own, free) / square, free)));
+                weights.iter_mut().for_each(|own| *own -= own.dot(free) / square * free);
             }
         }
         weights
     }
 
     /// The edge from `a` to `b` of a face, with its apex `c` to the left.
-    fn hinge(&self, origin: Vector, [a, b, c]: [u32; 3], beyond: Beyond, edge: [f64; 2]) -> Option<Hinge> {
-        let leaf = |corners: [u32; 3]| {
-            Leaf::new(corners, corners.map(|v| times(self.scale, minus(self.mesh.positions[v as usize], origin))))
-        };
+    fn hinge(&self, origin: Vector3, [a, b, c]: [u32; 3], beyond: Beyond, edge: [f64; 2]) -> Option<Hinge> {
+        let leaf = |corners: [u32; 3]| Leaf::new(corners, corners.map(|v| self.scale * (self.mesh.point(v) - origin)));
         let back = match beyond {
             Beyond::Nothing => return None,
             Beyond::Clamp => None,
@@ -165,14 +164,13 @@ impl Surroundings<'_> {
         let front = leaf([a, b, c]);
         let mut quadratics = front.quadratics(edge);
         if let Some(back) = &back {
-            let other = back.quadratics(edge.map(|x| -x));
-            (0..3).for_each(|q| quadratics[q] += other[q]);
+            quadratics += back.quadratics(edge.map(|x| -x));
         }
         Some(Hinge { front, back, quadratics })
     }
 
     /// The two other edges of the face beyond an edge of that direction.
-    fn others(&self, origin: Vector, face: u32, hinge: &Hinge, back: &Leaf, edge: [f64; 2]) -> [Option<Hinge>; 2] {
+    fn others(&self, origin: Vector3, face: u32, hinge: &Hinge, back: &Leaf, edge: [f64; 2]) -> [Option<Hinge>; 2] {
         let [a, b, _] = hinge.front.corners;
         let apex = back.corners[2];
         let corners = self.mesh.faces[face as usize];
@@ -194,11 +192,11 @@ impl Surroundings<'_> {
 
 /// The share of each of the angles in the value `target` of the quadratic function that fits them, `target` being that
 /// of its three coefficients.
-fn shared(data: &[Option<&Hinge>; 5], target: Vector, poisson: f64) -> [f64; 5] {
+fn shared(data: &[Option<&Hinge>; 5], target: Vector3, poisson: f64) -> [f64; 5] {
     let mut square: Block<3> = [[0.0; 3]; 3];
     for hinge in data.iter().flatten() {
-        for (row, x) in square.iter_mut().zip(hinge.quadratics) {
-            row.iter_mut().zip(hinge.quadratics).for_each(|(sum, y)| *sum += x * y);
+        for (row, x) in square.iter_mut().zip(hinge.quadratics.0) {
+            row.iter_mut().zip(hinge.quadratics.0).for_each(|(sum, y)| *sum += x * y);
         }
     }
     // The third coefficient stands for two entries of a tensor: the same in every frame.
@@ -207,11 +205,10 @@ fn shared(data: &[Option<&Hinge>; 5], target: Vector, poisson: f64) -> [f64; 5] 
     for (row, more) in square.iter_mut().zip(plate) {
         row.iter_mut().zip(more).for_each(|(sum, x)| *sum += ridge * x);
     }
-    let [a, b, c] = square;
-    let minors = [cross(b, c), cross(c, a), cross(a, b)];
-    let solution: Vector =
-        std::array::from_fn(|i| (0..3).map(|j| minors[j][i] * target[j]).sum::<f64>() / dot(a, minors[0]));
-    let mut shares = data.map(|hinge| hinge.map_or(0.0, |hinge| dot(hinge.quadratics, solution)));
+    let [a, b, c] = square.map(Vector3);
+    let [x, y, z] = target.0;
+    let solution = (b.cross(c) * x + c.cross(a) * y + a.cross(b) * z) / a.dot(b.cross(c));
+    let mut shares = data.map(|hinge| hinge.map_or(0.0, |hinge| hinge.quadratics.dot(solution)));
     let amplified = |(hinge, share): (&Option<&Hinge>, f64)| {
         hinge.map_or(0.0, |hinge: &Hinge| share * share * hinge.amplification())
     };
@@ -228,7 +225,7 @@ struct Hinge {
     front: Leaf,
     back: Option<Leaf>,
     /// The angles of the surfaces `x²/2`, `y²/2` and `x y` over the patch unfolded into the plane.
-    quadratics: Vector,
+    quadratics: Vector3,
 }
 
 impl Hinge {
@@ -238,7 +235,7 @@ impl Hinge {
     }
 
     /// The gradient of the angle.
-    fn each(&self, mut add: impl FnMut(u32, Vector)) {
+    fn each(&self, mut add: impl FnMut(u32, Vector3)) {
         for leaf in [Some(&self.front), self.back.as_ref()].into_iter().flatten() {
             leaf.gradients().into_iter().for_each(|(vertex, gradient)| add(vertex, gradient));
         }
@@ -249,7 +246,7 @@ impl Hinge {
 struct Leaf {
     /// Two ends of the edge, and the apex to the left of it.
     corners: [u32; 3],
-    unit: Vector,
+    unit: Vector3,
     /// The distance of the apex from the edge.
     height: f64,
     /// Where the foot of the perpendicular stands: 0 at the first end, 1 at the second.
@@ -257,24 +254,19 @@ struct Leaf {
 }
 
 impl Leaf {
-    fn new(corners: [u32; 3], [a, b, c]: [Vector; 3]) -> Self {
-        let (edge, up) = (minus(b, a), minus(c, a));
-        let (normal, square) = (cross(edge, up), dot(edge, edge));
-        let doubled = dot(normal, normal).sqrt();
-        Self {
-            corners,
-            unit: times(1.0 / doubled, normal),
-            height: doubled / square.sqrt(),
-            foot: dot(up, edge) / square,
-        }
+    fn new(corners: [u32; 3], [a, b, c]: [Vector3; 3]) -> Self {
+        let (edge, up) = (b - a, c - a);
+        let (normal, square) = (edge.cross(up), edge.norm_squared());
+        let doubled = normal.norm();
+        Self { corners, unit: 1.0 / doubled * normal, height: doubled / square.sqrt(), foot: up.dot(edge) / square }
     }
 
     /// The gradient of the angle by which it turns: neither a translation nor, together with the other face, a rotation
     /// changes it.
-    fn gradients(&self) -> [(u32, Vector); 3] {
-        let up = times(1.0 / self.height, self.unit);
+    fn gradients(&self) -> [(u32, Vector3); 3] {
+        let up = 1.0 / self.height * self.unit;
         let [a, b, c] = self.corners;
-        [(a, times(self.foot - 1.0, up)), (b, times(-self.foot, up)), (c, up)]
+        [(a, (self.foot - 1.0) * up), (b, -self.foot * up), (c, up)]
     }
 
     /// The sum of the squares of the gradient.
@@ -285,12 +277,12 @@ impl Leaf {
 
     /// The angles between the surfaces `x²/2`, `y²/2` and `x y` at the midpoint of the edge, where they are level, and
     /// their linear functions on the face.
-    fn quadratics(&self, [x, y]: [f64; 2]) -> Vector {
+    fn quadratics(&self, [x, y]: [f64; 2]) -> Vector3 {
         let length = (x * x + y * y).sqrt();
         let along = self.foot - 0.5;
         let (u, v) = (along * x - self.height * y / length, along * y + self.height * x / length);
         // Both ends are at the same height.
-        let level = [0.125 * x * x, 0.125 * y * y, 0.25 * x * y];
-        times(1.0 / self.height, minus([0.5 * u * u, 0.5 * v * v, u * v], level))
+        let level = Vector3::new(0.125 * x * x, 0.125 * y * y, 0.25 * x * y);
+        1.0 / self.height * (Vector3::new(0.5 * u * u, 0.5 * v * v, u * v) - level)
     }
 }

@@ -15,15 +15,11 @@ mod shell;
 mod solid;
 
 use chladni_algebra::{Block, BlockMatrix};
-use chladni_base::Monitor;
+use chladni_base::{Monitor, Vector3};
 use chladni_mesh::{TetMesh, TriangleMesh};
 use serde::{Deserialize, Serialize};
 
-use super::frames::{cross, dot, minus};
 use super::{EigenProblem, MassMatrix, OperatorError};
-
-/// A vector of space.
-type Vector = [f64; 3];
 
 /// What an object is made of: a homogeneous isotropic material.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -86,7 +82,7 @@ pub enum ElasticBody<'a> {
 
 impl ElasticBody<'_> {
     /// The positions of its vertices.
-    pub fn positions(&self) -> &[Vector] {
+    pub fn positions(&self) -> &[[f64; 3]] {
         match self {
             Self::Shell { mesh, .. } => &mesh.positions,
             Self::Solid { mesh } => &mesh.positions,
@@ -146,7 +142,7 @@ pub struct ElasticProblem {
     /// The vertices that can move, ascending; row `3 k + axis` belongs to `moving[k]`.
     pub moving: Vec<u32>,
     /// Their rest positions over `L`, about the centre of mass of the whole object.
-    pub positions: Vec<Vector>,
+    pub positions: Vec<[f64; 3]>,
     /// The vertices that are held, ascending, with their shares of the mass of the object.
     pub held: Vec<(u32, f64)>,
     /// `λ` in 1/time² of the input over that of the problem: `E / (ρ L²)`.
@@ -226,10 +222,8 @@ pub fn assemble(
     });
     monitor.checkpoint()?;
     let mass = moving.iter().flat_map(|&v| [elements.masses[v as usize]; 3]).collect();
-    let scaled = moving.iter().map(|&v| {
-        let p = positions[v as usize];
-        std::array::from_fn(|k| (p[k] - elements.centre[k]) / elements.length)
-    });
+    let scaled =
+        moving.iter().map(|&v| <[f64; 3]>::from((Vector3(positions[v as usize]) - elements.centre) / elements.length));
     Ok(ElasticProblem {
         positions: scaled.collect(),
         problem: EigenProblem {
@@ -257,7 +251,7 @@ struct Elements<'a> {
     /// many times.
     row: Row<'a>,
     length: f64,
-    centre: Vector,
+    centre: Vector3,
     total_mass: f64,
     flat: usize,
     held_edges: usize,
@@ -312,14 +306,10 @@ impl Incidence {
 /// Stands for a corner that an element has not.
 const NOBODY: u32 = u32::MAX;
 
-fn times(factor: f64, a: Vector) -> Vector {
-    a.map(|x| factor * x)
-}
-
 /// `λ p qᵀ + μ (q pᵀ + ⟨p, q⟩ P)`: the block of two corners with gradients `p` and `q` of their hat functions, for a
 /// quadratic energy of the strain, over the size of the element. The transpose is that of `q` and `p`, to the last bit.
-fn strain_block(lambda: f64, mu: f64, p: Vector, q: Vector, projection: &Block<3>) -> Block<3> {
-    let product = mu * dot(p, q);
+fn strain_block(lambda: f64, mu: f64, p: Vector3, q: Vector3, projection: &Block<3>) -> Block<3> {
+    let product = mu * p.dot(q);
     std::array::from_fn(|a| {
         std::array::from_fn(|b| lambda * (p[a] * q[b]) + mu * (q[a] * p[b]) + product * projection[a][b])
     })

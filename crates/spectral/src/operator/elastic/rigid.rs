@@ -4,7 +4,7 @@
 use chladni_algebra::{CpuSolver, DenseMatrix, SymmetricDefiniteSolver};
 use chladni_base::Unwatched;
 
-use super::{ElasticProblem, Vector};
+use super::ElasticProblem;
 
 /// A motion of one part: the displacement of a vertex at `x` is `A (1, x)`, of others 0.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,7 +17,7 @@ pub struct RigidMotion {
 
 impl RigidMotion {
     /// The displacement of a vertex of the part, at `x`.
-    pub fn at(&self, x: Vector) -> Vector {
+    pub fn at(&self, x: [f64; 3]) -> [f64; 3] {
         self.affine.map(|[constant, a, b, c]| constant + a * x[0] + b * x[1] + c * x[2])
     }
 }
@@ -114,7 +114,7 @@ fn of_part(elastic: &ElasticProblem, mass: &[f64], part: u32, members: &[usize])
         }
         affine
     });
-    let values: Vec<[Vector; 6]> = members
+    let values: Vec<[[f64; 3]; 6]> = members
         .iter()
         .map(|&k| candidates.map(|affine| RigidMotion { part, affine }.at(elastic.positions[k])))
         .collect();
@@ -179,6 +179,6 @@ fn independent(energy: DenseMatrix, gram: DenseMatrix, stiffest: f64) -> Vec<[f6
     (0..free).map(|k| std::array::from_fn(|row| combined.column(k)[row])).collect()
 }
 
-fn distance(a: Vector, b: Vector) -> f64 {
+fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
     (0..3).map(|k| (a[k] - b[k]).powi(2)).sum()
 }

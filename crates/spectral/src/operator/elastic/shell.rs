@@ -6,12 +6,11 @@
 //! [`bending`]: super::bending
 
 use chladni_algebra::Block;
+use chladni_base::Vector3;
 use chladni_mesh::TriangleMesh;
 
 use super::bending::{Beyond, Curvatures, Flat, Surroundings};
-use super::{
-    Elements, Incidence, Material, NOBODY, OperatorError, Vector, cross, dot, minus, strain_block, times, within,
-};
+use super::{Elements, Incidence, Material, NOBODY, OperatorError, strain_block, within};
 
 /// A face whose area is at most this share of the square of its longest edge is flat: its angles are noise.
 const FLAT: f64 = 1e-7;
@@ -20,7 +19,7 @@ const FLAT: f64 = 1e-7;
 struct Face {
     area: f64,
     /// Gradients of the hat functions of its corners.
-    gradients: [Vector; 3],
+    gradients: [Vector3; 3],
     /// In its plane.
     projection: Block<3>,
     curvatures: Curvatures,
@@ -39,13 +38,13 @@ pub(super) fn elements<'a>(
         }
     }
     let sound: Vec<bool> = mesh.faces.iter().map(|face| doubled_area(mesh, face).is_some()).collect();
-    let (mut area, mut masses, mut centre) = (0.0, vec![0.0; n], [0.0; 3]);
+    let (mut area, mut masses, mut centre) = (0.0, vec![0.0; n], Vector3::ZERO);
     for (corners, _) in mesh.faces.iter().zip(&sound).filter(|(_, sound)| **sound) {
         let size = 0.5 * doubled_area(mesh, corners).unwrap_or(0.0);
         area += size;
         for &v in corners {
             masses[v as usize] += size / 3.0;
-            (0..3).for_each(|k| centre[k] += size / 3.0 * mesh.positions[v as usize][k]);
+            centre += size / 3.0 * mesh.point(v);
         }
     }
     if !(area > 0.0 && area.is_finite()) {
@@ -82,8 +81,8 @@ pub(super) fn elements<'a>(
                 }
                 // The transpose is that of the two the other way round, to the last bit.
                 for (own, other) in gradients[i].iter().zip(&gradients[j]) {
-                    for (row, x) in block.iter_mut().zip(own) {
-                        row.iter_mut().zip(other).for_each(|(sum, y)| *sum += x * y);
+                    for (row, x) in block.iter_mut().zip(own.0) {
+                        row.iter_mut().zip(other.0).for_each(|(sum, y)| *sum += x * y);
                     }
                 }
                 entries.push((other, block));
@@ -94,7 +93,7 @@ pub(super) fn elements<'a>(
         masses,
         row: Box::new(row),
         length,
-        centre: times(1.0 / area, centre),
+        centre: 1.0 / area * centre,
         total_mass: material.density * thickness * area,
         flat,
         held_edges,
@@ -106,12 +105,10 @@ const SLENDEREST: f64 = 1e-5;
 
 /// Twice the area of a face, if it is not flat.
 fn doubled_area(mesh: &TriangleMesh, corners: &[u32; 3]) -> Option<f64> {
-    let [a, b, c] = corners.map(|v| mesh.positions[v as usize]);
-    let (u, v) = (minus(b, a), minus(c, a));
-    let normal = cross(u, v);
-    let doubled = dot(normal, normal).sqrt();
-    let w = minus(c, b);
-    let longest = dot(u, u).max(dot(v, v)).max(dot(w, w));
+    let [a, b, c] = mesh.corners(corners);
+    let (u, v, w) = (b - a, c - a, c - b);
+    let doubled = u.cross(v).norm();
+    let longest = u.norm_squared().max(v.norm_squared()).max(w.norm_squared());
     (doubled > 2.0 * FLAT * longest).then_some(doubled)
 }
 
@@ -148,18 +145,18 @@ fn neighbours(mesh: &TriangleMesh, sound: &[bool], held: &[bool]) -> (Vec<[Beyon
 
 fn measured(around: &Surroundings<'_>, face: u32, rigidity: f64) -> Face {
     let (mesh, corners) = (around.mesh, around.mesh.faces[face as usize]);
-    let origin = mesh.positions[corners[0] as usize];
-    let p = corners.map(|v| times(around.scale, minus(mesh.positions[v as usize], origin)));
-    let normal = cross(minus(p[1], p[0]), minus(p[2], p[0]));
-    let doubled = dot(normal, normal).sqrt();
-    let unit = times(1.0 / doubled, normal);
-    let edges: [Vector; 3] = std::array::from_fn(|k| minus(p[(k + 2) % 3], p[(k + 1) % 3]));
-    let x = times(1.0 / dot(edges[2], edges[2]).sqrt(), edges[2]);
-    let y = cross(unit, x);
-    let flat = Flat { corners, area: 0.5 * doubled, edges: edges.map(|e| [dot(e, x), dot(e, y)]) };
+    let origin = mesh.point(corners[0]);
+    let p = corners.map(|v| around.scale * (mesh.point(v) - origin));
+    let normal = (p[1] - p[0]).cross(p[2] - p[0]);
+    let doubled = normal.norm();
+    let unit = 1.0 / doubled * normal;
+    let edges: [Vector3; 3] = std::array::from_fn(|k| p[(k + 2) % 3] - p[(k + 1) % 3]);
+    let x = 1.0 / edges[2].norm() * edges[2];
+    let y = unit.cross(x);
+    let flat = Flat { corners, area: 0.5 * doubled, edges: edges.map(|e| [e.dot(x), e.dot(y)]) };
     Face {
         area: flat.area,
-        gradients: edges.map(|e| times(1.0 / doubled, cross(unit, e))),
+        gradients: edges.map(|e| 1.0 / doubled * unit.cross(e)),
         projection: std::array::from_fn(|a| std::array::from_fn(|b| f64::from(u8::from(a == b)) - unit[a] * unit[b])),
         curvatures: around.curvatures(face, &flat, rigidity),
     }

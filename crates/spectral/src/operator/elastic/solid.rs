@@ -1,8 +1,9 @@
 //! Solids: linear tetrahedra with the energy of Saint Venant and Kirchhoff, at rest.
 
+use chladni_base::Vector3;
 use chladni_mesh::TetMesh;
 
-use super::{Elements, Incidence, Material, OperatorError, Vector, cross, dot, minus, strain_block, times};
+use super::{Elements, Incidence, Material, OperatorError, strain_block};
 
 /// A tetrahedron whose volume is at most this share of that of a cube over its longest edge is flat.
 const FLAT: f64 = 1e-9;
@@ -16,21 +17,21 @@ pub(super) fn elements<'a>(mesh: &'a TetMesh, material: &Material) -> Result<Ele
             return Err(OperatorError::TetrahedronOutOfRange { tetrahedron, vertex, vertices: n });
         }
     }
-    let at = |v: u32| mesh.positions[v as usize];
+    let at = |v: u32| Vector3(mesh.positions[v as usize]);
     // Volume and gradients in units of the input; a flat tetrahedron has neither.
-    let measure = move |corners: &[u32; 4]| -> Option<(f64, [Vector; 4])> {
+    let measure = move |corners: &[u32; 4]| -> Option<(f64, [Vector3; 4])> {
         let [a, b, c, d] = corners.map(at);
-        let (u, v, w) = (minus(b, a), minus(c, a), minus(d, a));
-        let six = dot(u, cross(v, w));
-        let longest = [u, v, w, minus(c, b), minus(d, b), minus(d, c)].iter().map(|e| dot(*e, *e)).fold(0.0, f64::max);
+        let (u, v, w) = (b - a, c - a, d - a);
+        let six = u.dot(v.cross(w));
+        let longest = [u, v, w, c - b, d - b, d - c].into_iter().map(Vector3::norm_squared).fold(0.0, f64::max);
         if !(six.abs() > 6.0 * FLAT * longest * longest.sqrt()) {
             return None;
         }
         let inverse = 1.0 / six;
-        let (p, q, r) = (times(inverse, cross(v, w)), times(inverse, cross(w, u)), times(inverse, cross(u, v)));
-        Some((six.abs() / 6.0, [[0, 1, 2].map(|k| -p[k] - q[k] - r[k]), p, q, r]))
+        let (p, q, r) = (inverse * v.cross(w), inverse * w.cross(u), inverse * u.cross(v));
+        Some((six.abs() / 6.0, [-p - q - r, p, q, r]))
     };
-    let (mut volume, mut flat, mut masses, mut centre) = (0.0, 0, vec![0.0; n], [0.0; 3]);
+    let (mut volume, mut flat, mut masses, mut centre) = (0.0, 0, vec![0.0; n], Vector3::ZERO);
     for corners in &mesh.tetrahedra {
         let Some((size, _)) = measure(corners) else {
             flat += 1;
@@ -39,7 +40,7 @@ pub(super) fn elements<'a>(mesh: &'a TetMesh, material: &Material) -> Result<Ele
         volume += size;
         for &v in corners {
             masses[v as usize] += size / 4.0;
-            (0..3).for_each(|k| centre[k] += size / 4.0 * at(v)[k]);
+            centre += size / 4.0 * at(v);
         }
     }
     if !(volume > 0.0 && volume.is_finite()) {
@@ -68,7 +69,7 @@ pub(super) fn elements<'a>(mesh: &'a TetMesh, material: &Material) -> Result<Ele
         masses,
         row: Box::new(row),
         length,
-        centre: times(1.0 / volume, centre),
+        centre: 1.0 / volume * centre,
         total_mass: material.density * volume,
         flat,
         held_edges: 0,

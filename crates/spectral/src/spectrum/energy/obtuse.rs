@@ -5,8 +5,8 @@
 //! `x = c (a + b) / (ab)` of theirs: `xa · xb = c (xa + xb)`. A triangle without an obtuse angle gives away all that it
 //! has. So an edge may be taken for what its triangles give together.
 
-use chladni_base::Spare;
 use chladni_base::parallel::*;
+use chladni_base::{Spare, Vector3};
 
 use crate::operator::{EigenProblem, laplace};
 use chladni_mesh::TriangleMesh;
@@ -87,7 +87,7 @@ impl Obtuse {
         let changes = |face: &[u32; 3], copies: usize| {
             let mut changes = [None; 3];
             let corners = face.map(|vertex| places[vertex as usize]);
-            let shape = TriangleShape::of_corners(face.map(|v| positions[v as usize].map(|c| c * scale)));
+            let shape = TriangleShape::of_corners(face.map(|v| Vector3(positions[v as usize]) * scale));
             let Some(corner) = (0..3).find(|&k| shape.half_cotangents[k] < 0.0) else { return changes };
             if shape.area == 0.0 || corners.contains(&OTHER) {
                 return changes;

@@ -288,7 +288,7 @@ impl Rim {
         let mut diagonal = vec![0.0; beside.len()];
         let mut entries = HashMap::new();
         for face in faces {
-            let shape = TriangleShape::of_corners(face.map(|v| mesh.positions[v as usize].map(|c| c * scale)));
+            let shape = TriangleShape::of_corners(mesh.corners(face).map(|p| p * scale));
             if shape.area == 0.0 {
                 continue;
             }

@@ -5,7 +5,7 @@ use std::collections::{HashMap, VecDeque};
 use chladni_base::parallel::*;
 
 use super::level::Level;
-use chladni_base::{Cancelled, Monitor};
+use chladni_base::{Cancelled, Monitor, Vector3};
 
 /// A coarse weight is the sum of the fine ones across the boundary of two cells, each times the share of the way
 /// between the seeds that its edge makes; edges and paths are not straight, and this factor makes up for the mean of
@@ -379,17 +379,15 @@ const LEAST_AREA: f64 = 0.01;
 /// `E Eᵀ / 4A`, `E` the three edges: semi-definite whatever the triangle. Three cotangents that are rounded or cut off
 /// one by one are not: heat steps amplify then.
 pub(super) fn element_weights(corners: [[f32; 3]; 3]) -> [f64; 3] {
-    let [p, q, r] = corners.map(|corner| corner.map(f64::from));
-    let minus = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
-    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    let edges = [minus(r, q), minus(p, r), minus(q, p)];
-    let longest = edges.iter().map(|&edge| dot(edge, edge)).fold(0.0, f64::max);
+    let [p, q, r] = corners.map(|corner| Vector3(corner.map(f64::from)));
+    let edges = [r - q, p - r, q - p];
+    let longest = edges.into_iter().map(Vector3::norm_squared).fold(0.0, f64::max);
     if !(longest > 0.0) {
         return [0.0; 3];
     }
-    let (uu, uv, vv) = (dot(edges[0], edges[0]), dot(edges[0], edges[1]), dot(edges[1], edges[1]));
+    let (uu, uv, vv) = (edges[0].norm_squared(), edges[0].dot(edges[1]), edges[1].norm_squared());
     let area = (0.5 * (uu * vv - uv * uv).max(0.0).sqrt()).max(LEAST_AREA * longest);
-    [0, 1, 2].map(|k| -dot(edges[(k + 1) % 3], edges[(k + 2) % 3]) / (4.0 * area))
+    std::array::from_fn(|k| -edges[(k + 1) % 3].dot(edges[(k + 2) % 3]) / (4.0 * area))
 }
 
 /// Appends the linear element's weights to the row of `cell`, one of the corners.

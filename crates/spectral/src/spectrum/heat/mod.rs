@@ -283,10 +283,9 @@ fn diffused(
         kept: Kept::positive(parameters.drop as f32),
         tolerance: parameters.tolerance as f32,
     };
-    let origin = mesh.positions.first().copied().unwrap_or_default();
+    let origin = mesh.points().first().copied().unwrap_or_default();
     let unit = 1.0 / area.sqrt();
-    let positions: Vec<[f32; 3]> =
-        mesh.positions.iter().map(|p| std::array::from_fn(|k| ((p[k] - origin[k]) * unit) as f32)).collect();
+    let positions: Vec<[f32; 3]> = mesh.points().iter().map(|&p| ((p - origin) * unit).map(|x| x as f32)).collect();
     let surface = Surface { positions: &positions, triangles: &mesh.faces };
     if level.is_stiff() {
         level.take_weights(surface);

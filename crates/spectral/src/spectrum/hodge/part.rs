@@ -6,7 +6,7 @@ use chladni_mesh::TriangleMesh;
 use chladni_mesh::dual::DualGraph;
 
 use super::FieldPart;
-use crate::operator::frames::FaceFrames;
+use crate::operator::frames::{Complex64, FaceFrames, parts};
 use crate::operator::hodge::ScalarProblem;
 
 /// The functions of one part on the faces of a surface.
@@ -25,16 +25,16 @@ impl Part<'_> {
             FieldPart::CoGradient => dual.edges(face),
             _ => mesh.faces[face],
         };
-        let mut sum = [0.0; 2];
+        let mut sum = Complex64::ZERO;
         for (e, function) in frames.edges(face).into_iter().zip(functions) {
             let Some(value) = values.get(self.scalar.rows[function as usize] as usize) else { continue };
-            let [x, y] = match self.kind {
-                FieldPart::CoGradient => e,
-                _ => [-0.5 * e[1], 0.5 * e[0]],
-            };
-            sum = [sum[0] + x * value, sum[1] + y * value];
+            sum += *value
+                * match self.kind {
+                    FieldPart::CoGradient => e,
+                    _ => Complex64::new(-0.5 * e.im, 0.5 * e.re),
+                };
         }
-        sum
+        parts(sum)
     }
 
     /// `‖S x − θ M x‖ / ‖S x‖` of the field of a function: with `S = M_F G M⁻¹ Gᵀ M_F` on gradients both are norms of

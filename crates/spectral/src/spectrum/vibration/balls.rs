@@ -1,6 +1,7 @@
 //! Local functions on solids, and the factor that makes functions vanish where an object is clamped.
 
 use chladni_algebra::{MassMatrix, Ordering, PANEL_WIDTH, SparseMatrix, SymbolicFactor, fill_reducing_order};
+use chladni_base::Vector3;
 use chladni_base::parallel::*;
 use chladni_mesh::TetMesh;
 
@@ -69,10 +70,8 @@ impl<'a> Graph<'a> {
     }
 
     fn volume(&self, corners: &[u32; 4]) -> f64 {
-        let [a, b, c, d] = corners.map(|v| self.mesh.positions[v as usize]);
-        let [u, v, w] = [b, c, d].map(|p| [p[0] - a[0], p[1] - a[1], p[2] - a[2]]);
-        let cross = [v[1] * w[2] - v[2] * w[1], v[2] * w[0] - v[0] * w[2], v[0] * w[1] - v[1] * w[0]];
-        (u[0] * cross[0] + u[1] * cross[1] + u[2] * cross[2]).abs() / 6.0
+        let [a, b, c, d] = corners.map(|v| Vector3(self.mesh.positions[v as usize]));
+        (b - a).dot((c - a).cross(d - a)).abs() / 6.0
     }
 }
 

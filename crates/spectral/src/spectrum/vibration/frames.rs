@@ -6,12 +6,10 @@
 //! follows its own affine map, as in the partition of unity method (Babuška and Melenk 1997).
 
 use chladni_algebra::{CpuSolver, DenseMatrix, SparseMatrix, SymmetricDefiniteSolver};
-use chladni_base::Unwatched;
 use chladni_base::parallel::*;
+use chladni_base::{Unwatched, Vector3};
 
 use super::ElasticProblem;
-
-type Vector = [f64; 3];
 
 /// An axis along which a patch extends less than this share of its longest one counts as its normal.
 const FLAT: f64 = 0.2;
@@ -35,9 +33,9 @@ pub(super) fn enriched(space: &SparseMatrix<f32>, elastic: &ElasticProblem, axes
             let patch = &patches[column as usize];
             indices.push(first[column as usize]);
             values.push(entry);
-            let x = elastic.positions[row];
-            for (k, axis) in patch.axes.iter().enumerate() {
-                let along: f64 = (0..3).map(|i| axis[i] * (x[i] - patch.centre[i])).sum();
+            let x = Vector3(elastic.positions[row]);
+            for (k, &axis) in patch.axes.iter().enumerate() {
+                let along = axis.dot(x - patch.centre);
                 indices.push(first[column as usize] + 1 + k as u32);
                 values.push((f64::from(entry) * along) as f32);
             }
@@ -49,9 +47,9 @@ pub(super) fn enriched(space: &SparseMatrix<f32>, elastic: &ElasticProblem, axes
 }
 
 struct Patch {
-    centre: Vector,
+    centre: Vector3,
     /// Main axes over the extent of the patch along them.
-    axes: Vec<Vector>,
+    axes: Vec<Vector3>,
 }
 
 fn patches(space: &SparseMatrix<f32>, elastic: &ElasticProblem, mass: &[f64], axes: usize) -> Vec<Patch> {
@@ -63,13 +61,10 @@ fn patches(space: &SparseMatrix<f32>, elastic: &ElasticProblem, mass: &[f64], ax
             let weighted =
                 || rows.iter().zip(entries).map(|(&row, &e)| (row as usize, f64::from(e) * mass[3 * row as usize]));
             let total: f64 = weighted().map(|(_, w)| w).sum();
-            let mut centre = [0.0; 3];
-            for (row, w) in weighted() {
-                (0..3).for_each(|k| centre[k] += w / total * elastic.positions[row][k]);
-            }
+            let centre: Vector3 = weighted().map(|(row, w)| w / total * Vector3(elastic.positions[row])).sum();
             let mut spread = DenseMatrix::zeros(3, 3);
             for (row, w) in weighted() {
-                let x: Vector = std::array::from_fn(|k| elastic.positions[row][k] - centre[k]);
+                let x = Vector3(elastic.positions[row]) - centre;
                 for i in 0..3 {
                     for j in 0..3 {
                         spread.column_mut(i)[j] += w / total * x[i] * x[j];
@@ -84,7 +79,7 @@ fn patches(space: &SparseMatrix<f32>, elastic: &ElasticProblem, mass: &[f64], ax
                 for k in (0..3).rev().take(axes) {
                     let extent = pairs.values[k].max(0.0).sqrt();
                     if extent > FLAT * longest.sqrt() && extent > 0.0 {
-                        found.push(std::array::from_fn(|i| pairs.vectors.column(k)[i] / extent));
+                        found.push(Vector3(std::array::from_fn(|i| pairs.vectors.column(k)[i])) / extent);
                     }
                 }
             }
