@@ -13,6 +13,7 @@ use chladni_spectral::field::{
     Camera, HatchedLines, HatchingParameters, HatchingStyle, Streamline, curvature_tensors, hatch,
     principal_directions, streamlines, tensor_deviator,
 };
+use chladni_spectral::operator::frames::parts;
 use chladni_work::JobParameters;
 use chladni_work::design::{DesignRequest, FurRequest, HatchingRequest, QuadsRequest, Setting, Surface};
 use serde_json::{Value, json};
@@ -214,7 +215,7 @@ fn smoothed(mesh: &TriangleMesh) -> Result<(), Failure> {
         "weights": {"harmonic": 0.01, "biharmonic": 0.0001}, "alignment": {"to": "curvature", "weight": 1.0}
     }))?;
     let tensors = setting.lifted(&setting.design(&request, &Unwatched)?)?;
-    let smooth = tensors.chunks_exact(3).flat_map(|t| tensor_deviator([0, 1, 2].map(|i| f64::from(t[i]))));
+    let smooth = tensors.chunks_exact(3).flat_map(|t| parts(tensor_deviator([t[0], t[1], t[2]].map(f64::from))));
     let fields: [Vec<f32>; 2] = [raw.iter().map(|&x| x as f32).collect(), smooth.map(|x| x as f32).collect()];
     let mut plates = Vec::new();
     for field in fields {
@@ -247,7 +248,7 @@ fn quads(name: &str, mesh: &TriangleMesh, creases: f64, share: f64, from: [f64; 
     let colour = |face: usize, weights: [f64; 3]| {
         let z = own.coordinates[face];
         let off = |axis: usize| {
-            let x = (0..3).map(|k| weights[k] * z[k][axis]).sum::<f64>();
+            let x = (0..3).map(|k| weights[k] * parts(z[k])[axis]).sum::<f64>();
             (x - x.round()).abs()
         };
         if off(0).min(off(1)) < 0.06 { [0.16, 0.25, 0.45] } else { CLAY }
