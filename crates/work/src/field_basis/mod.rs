@@ -16,7 +16,7 @@ pub use self::request::{FieldConstruction, FieldName};
 
 use self::judged::{Judging, judged};
 use self::request::{FieldAccuracy, Request};
-use super::{JobError, MeshSize, ParameterError, Work};
+use super::{JobError, MeshSize, ParameterError, Work, abbreviate};
 use crate::packed::Packed;
 
 /// The most columns that one job may ask for.
@@ -280,14 +280,17 @@ impl Work for FieldBasisParameters {
             space.weights = Some(adaptive_weights(&surface, space.field, &self.examples, monitor)?);
         }
         let basis = field_basis(&surface, &space, monitor)?;
+        let mut parameters = self.canonical();
+        abbreviate(&mut parameters);
         if basis.space.dimension() > MOST_DIMENSIONS {
-            return Ok(StoredFields { basis, ritz: None, metadata: json!({}).into() }.into());
+            return Ok(StoredFields { basis, ritz: None, metadata: json!({ "parameters": parameters }).into() }.into());
         }
         let model = DesignModel::new(&basis, monitor)?;
         let judging = self.judging(surface.faces());
         let certificate = judged(&surface, &basis, &model, space.boundary, judging, monitor)?;
         let ritz = Some(model.ritz().clone());
-        Ok(StoredFields { basis, ritz, metadata: json!({"certificate": certificate}).into() }.into())
+        Ok(StoredFields { basis, ritz, metadata: json!({"certificate": certificate, "parameters": parameters}).into() }
+            .into())
     }
 }
 
