@@ -105,8 +105,8 @@ fn of_lines(bytes: &[u8]) -> Result<Array, String> {
     Ok(Array { shape: if columns == 1 { vec![rows] } else { vec![rows, columns] }, values })
 }
 
-/// Puts arrays into a request: a text `@FILE.npy` or `@FILE.csv`, in the place of a table or a list, stands for what the
-/// file has.
+/// Puts arrays into a request: a text `@FILE.npy` or `@FILE.csv`, in the place of a table or a list, stands for what
+/// the file has.
 ///
 /// # Errors
 /// Those of [`Array::read`].

@@ -191,6 +191,9 @@ pub fn eigenfields(arguments: EigenfieldsArguments) -> Result<ExitCode, CliError
     };
     let full = full.as_ref().map(|(full, tolerance)| (full, *tolerance));
     wanted.each(&setting, full, &Unwatched, take).map_err(refused)?;
+    if values.len() < wanted.count() {
+        return Err(refused("eigenfields of the basis depend on each other"));
+    }
     if let Some(file) = output {
         let faces = to.faces(setting.surface.surface.faces());
         let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();

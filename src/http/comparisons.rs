@@ -121,10 +121,9 @@ async fn compare_shapes(
 impl From<ComparisonFault> for Problem {
     fn from(fault: ComparisonFault) -> Self {
         match fault {
-            ComparisonFault::TooMany(_) | ComparisonFault::Interval { .. } => {
-                Self::new(&problem::INVALID_ANALYSIS, sentence(&fault))
-            }
-            ComparisonFault::Labels => Self::new(&problem::INVALID_REQUEST, sentence(&fault)),
+            ComparisonFault::Interval { .. } => Self::new(&problem::INVALID_ANALYSIS, sentence(&fault)),
+            ComparisonFault::TooMany(_) => Self::new(&problem::INVALID_ANALYSIS, format!("{fault}.")),
+            ComparisonFault::Labels => Self::new(&problem::INVALID_REQUEST, format!("{fault}.")),
             ComparisonFault::Unlike(unlike) => unlike.into(),
             ComparisonFault::Analysis(error) => error.into(),
         }

@@ -12,7 +12,6 @@ use utoipa_axum::routes;
 use super::binary::Dtype;
 use super::body;
 use super::client::ClientState;
-use super::convert::sentence;
 use super::exchange::{self, Answer};
 use super::extract;
 use super::ids::BasisId;
@@ -84,8 +83,8 @@ async fn family_spectrum(
 impl From<SpectrumFault> for Problem {
     fn from(fault: SpectrumFault) -> Self {
         match fault {
-            SpectrumFault::ModeOfValues => Self::new(&problem::INVALID_REQUEST, sentence(&fault)),
-            SpectrumFault::Mode { .. } => Self::new(&problem::INVALID_RANGE_OF_MODES, sentence(&fault)),
+            SpectrumFault::ModeOfValues => Self::new(&problem::INVALID_REQUEST, format!("{fault}.")),
+            SpectrumFault::Mode { .. } => Self::new(&problem::INVALID_RANGE_OF_MODES, format!("{fault}.")),
             SpectrumFault::Family(error) => error.into(),
         }
     }

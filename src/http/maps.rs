@@ -16,7 +16,6 @@ use super::bases::on_vertices;
 use super::binary::{self, Dtype};
 use super::client::ClientState;
 use super::comparisons::spectrum_of;
-use super::convert::sentence;
 use super::exchange::{self, Answer, OCTETS};
 use super::extract::QueryOf;
 use super::ids::BasisId;
@@ -127,7 +126,7 @@ impl From<MapFault> for Problem {
     fn from(fault: MapFault) -> Self {
         match fault {
             MapFault::Function(error) => error.into(),
-            MapFault::Descriptors { .. } => Self::new(&problem::INVALID_FUNCTION, sentence(&fault)),
+            MapFault::Descriptors { .. } => Self::new(&problem::INVALID_FUNCTION, format!("{fault}.")),
             MapFault::Basis(error) => error.into(),
             MapFault::Analysis(error) => error.into(),
         }

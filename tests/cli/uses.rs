@@ -281,7 +281,8 @@ fn other_kinds_of_results_are_continued_from_and_none_is_taken_for_another() {
     assert_eq!((list(&lowest["eigenvalues"]).len(), lowest["estimates"].is_null()), (3, true));
     assert_eq!(std::fs::metadata(&file).unwrap().len() % 64, 3 * 2000 * 3 * 4 % 64);
     let refined = bench.told(&["eigenfields", &fields, mesh, "--from", "2", "--refine", "0.01"]);
-    assert!(list(&refined["eigenvalues"])[0] <= list(&lowest["eigenvalues"])[2] * (1.0 + 1e-9), "{refined} {lowest}");
+    // Fields are lifted in single precision.
+    assert!(list(&refined["eigenvalues"])[0] <= list(&lowest["eigenvalues"])[2] * (1.0 + 1e-6), "{refined} {lowest}");
     assert_eq!(list(&refined["estimates"]).len(), 1);
 
     let request = r#"{"sources": [{"face": 17, "frame_direction": [1, 0]}]}"#;

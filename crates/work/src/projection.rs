@@ -47,7 +47,7 @@ impl Functions {
     }
 }
 
-/// Functions that are known by a name.
+/// Functions that the server knows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
