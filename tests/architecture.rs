@@ -7,6 +7,9 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+#[path = "architecture/circles.rs"]
+mod circles;
+
 /// Each room with the rooms of its crate that it may use. What is a single file beside the rooms counts as one too.
 const ARROWS: &[(&str, &[&str])] = &[
     // crates/spectral
@@ -267,19 +270,25 @@ fn contains_word(line: &str, word: &str) -> bool {
     })
 }
 
-fn sources() -> Vec<Source> {
+/// The folders of sources of all crates.
+fn crates() -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut crates = vec![root.join("src"), root.join("python/src")];
     for entry in fs::read_dir(root.join("crates")).expect("the crates are there") {
         crates.push(entry.expect("the entry can be read").path().join("src"));
     }
     assert!(crates.len() > 5, "the crates were not found");
-    crates.iter().flat_map(|folder| sources_of(root, folder)).collect()
+    crates
+}
+
+fn sources() -> Vec<Source> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    crates().iter().flat_map(|folder| sources_of(root, folder)).collect()
 }
 
 /// The sources of one crate. Its rooms are the modules of the crates that have several, and itself otherwise.
 fn sources_of(root: &Path, folder: &Path) -> Vec<Source> {
-    let package = folder.parent().and_then(Path::file_name).and_then(|name| name.to_str()).unwrap_or_default();
+    let package = package(folder);
     let shares_a_crate = package == "spectral" || folder == root.join("src");
     let mut files = Vec::new();
     collect(folder, &mut files);
@@ -321,6 +330,11 @@ fn test_files(path: &Path) -> Vec<PathBuf> {
         found.extend(name.map(|name| inside.join(name).with_extension("rs")));
     }
     found
+}
+
+/// The name of the package whose sources lie in a folder.
+fn package(folder: &Path) -> &str {
+    folder.parent().and_then(Path::file_name).and_then(|name| name.to_str()).unwrap_or_default()
 }
 
 fn collect(folder: &Path, files: &mut Vec<PathBuf>) {

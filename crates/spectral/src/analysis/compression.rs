@@ -59,7 +59,8 @@ pub struct Compressed {
 /// Compresses `k` functions, `n × k`, to their first `pairs` coefficients, of which the largest gets `bits` bits.
 ///
 /// # Errors
-/// [`AnalysisError`] names a count out of its range; functions that do not fit the basis; bytes that could not be compressed.
+/// [`AnalysisError`] names a count out of its range; functions that do not fit the basis; bytes that could not be
+/// compressed.
 pub fn compress(basis: &Basis, functions: &DenseMatrix, pairs: usize, bits: u32) -> Result<Compressed, AnalysisError> {
     error::count("pairs", pairs, 1, basis.count())?;
     error::count("bits", bits as usize, 2, MOST_BITS as usize)?;

@@ -208,8 +208,8 @@ impl<'a> ModalLifter<'a> {
         Self { basis, coefficients }
     }
 
-    /// The displacements of all vertices, three numbers each, in the state with the `m` coordinates `q`. On the threads of
-    /// the pool it is called from.
+    /// The displacements of all vertices, three numbers each, in the state with the `m` coordinates `q`. On the
+    /// threads of the pool it is called from.
     ///
     /// # Errors
     /// [`BasisError::Rows`] unless there are `m` coordinates and room for three numbers of each vertex.
