@@ -70,7 +70,8 @@ fn the_dragon_comes_in_151_pieces() {
 #[test]
 fn what_is_not_manifold_is_usable_and_reported() {
     let Some(dragon) = report("dragon-nonmanifold.ply.gz") else { return };
-    assert_eq!(dragon.count(DefectKind::NonManifoldEdge), 2534);
+    // Seven more are made by copies of faces, which are dropped.
+    assert_eq!(dragon.count(DefectKind::NonManifoldEdge), 2527);
     assert_eq!(dragon.repaired(RepairKind::DroppedUnreferencedVertices), 43);
     assert_eq!((dragon.vertices, dragon.genus, dragon.manifold), (100_207, None, false));
 

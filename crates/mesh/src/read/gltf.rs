@@ -93,7 +93,24 @@ struct Accessor {
     count: usize,
     #[serde(rename = "type")]
     shape: String,
-    sparse: Option<serde::de::IgnoredAny>,
+    sparse: Option<Sparse>,
+}
+
+/// Elements that are others than those of the view, or than zero where there is none.
+#[derive(Deserialize, Default)]
+#[serde(default)]
+struct Sparse {
+    count: usize,
+    indices: Placed,
+    values: Placed,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default, rename_all = "camelCase")]
+struct Placed {
+    buffer_view: Option<usize>,
+    byte_offset: usize,
+    component_type: u32,
 }
 
 #[derive(Deserialize, Default)]
@@ -259,13 +276,12 @@ impl Reader<'_, '_, '_> {
 
     /// Adds the vertices of an accessor, unless the mesh has them already; gives the first, and how many there are.
     fn vertices(&mut self, number: usize, place: &Matrix) -> Result<(u32, usize), ReadError> {
-        let (accessor, elements) = elements(self.document, &self.buffers, number, "VEC3", &[5126])?;
-        let count = accessor.count;
-        if let Some(&first) = self.seen.get(&number) {
-            return Ok((first, count));
+        if let (Some(&first), Some(accessor)) = (self.seen.get(&number), self.document.accessors.get(number)) {
+            return Ok((first, accessor.count));
         }
-        let first = self.builder.mesh.positions.len() as u32;
-        for element in elements {
+        let elements = elements(self.document, &self.buffers, number, "VEC3", &[5126])?;
+        let (first, count) = (self.builder.mesh.positions.len() as u32, elements.count);
+        for element in elements.iter() {
             let number = |k: usize| f32::from_le_bytes([element[k], element[k + 1], element[k + 2], element[k + 3]]);
             self.builder.vertex(place.applied([0, 4, 8].map(|k| f64::from(number(k)))))?;
         }
@@ -274,13 +290,40 @@ impl Reader<'_, '_, '_> {
     }
 
     fn indices(&self, number: usize, vertices: usize) -> Result<Vec<u32>, ReadError> {
-        let (_, elements) = elements(self.document, &self.buffers, number, "SCALAR", &[5121, 5123, 5125])?;
-        let value = |bytes: &[u8]| bytes.iter().rev().fold(0u32, |value, &byte| value << 8 | u32::from(byte));
-        let inside = |(place, bytes)| match value(bytes) {
+        let elements = elements(self.document, &self.buffers, number, "SCALAR", &[5121, 5123, 5125])?;
+        let inside = |(place, bytes)| match whole(bytes) {
             vertex if (vertex as usize) < vertices => Ok(vertex),
             vertex => Err(refuse(format!("index {place} is vertex {vertex} of {vertices}"))),
         };
-        elements.enumerate().map(inside).collect()
+        elements.iter().enumerate().map(inside).collect()
+    }
+}
+
+/// A number of up to four bytes, the lowest first.
+fn whole(bytes: &[u8]) -> u32 {
+    bytes.iter().rev().fold(0u32, |value, &byte| value << 8 | u32::from(byte))
+}
+
+/// The elements of an accessor.
+struct Elements<'a> {
+    count: usize,
+    bytes: Cow<'a, [u8]>,
+    stride: usize,
+    width: usize,
+}
+
+impl Elements<'_> {
+    fn iter(&self) -> impl Iterator<Item = &[u8]> {
+        self.bytes.chunks(self.stride).map(|element| &element[..self.width])
+    }
+}
+
+/// Bytes of a number of a type.
+fn bytes_of_type(kind: u32) -> usize {
+    match kind {
+        5121 => 1,
+        5123 => 2,
+        _ => 4,
     }
 }
 
@@ -291,39 +334,59 @@ fn elements<'a>(
     number: usize,
     shape: &str,
     types: &[u32],
-) -> Result<(&'a Accessor, impl Iterator<Item = &'a [u8]>), ReadError> {
+) -> Result<Elements<'a>, ReadError> {
     let wrong = |what: &str| refuse(format!("accessor {number} {what}"));
     let accessor = document.accessors.get(number).ok_or_else(|| wrong("does not exist"))?;
     if accessor.shape != shape || !types.contains(&accessor.component_type) {
         let (shape, kind) = (shorten(accessor.shape.as_bytes()), accessor.component_type);
         return Err(wrong(&format!("is a {shape} of type {kind}, which is not supported here")));
     }
-    if accessor.sparse.is_some() {
-        return Err(wrong("is sparse, which is not supported"));
-    }
-    let view = accessor.buffer_view.and_then(|view| document.buffer_views.get(view));
-    let view = view.ok_or_else(|| wrong("has no bytes"))?;
-    let width = match accessor.component_type {
-        5121 => 1,
-        5123 => 2,
-        _ => 4,
-    } * if shape == "VEC3" { 3 } else { 1 };
-    let stride = view.byte_stride.unwrap_or(width);
-    if stride < width {
-        return Err(wrong(&format!("has elements that overlap, {stride} bytes apart")));
-    }
-    let range = || {
-        let buffer = buffers.get(view.buffer)?;
-        let all = buffer.get(view.byte_offset..view.byte_offset.checked_add(view.byte_length)?)?;
-        let own = all.get(accessor.byte_offset..)?;
-        let needed = match accessor.count {
-            0 => 0,
-            count => (count - 1).checked_mul(stride)?.checked_add(width)?,
+    let width = bytes_of_type(accessor.component_type) * if shape == "VEC3" { 3 } else { 1 };
+    let beyond = || wrong("reaches beyond its bytes");
+    // So many elements of a view, and the bytes from one to the next.
+    let placed = |view: Option<usize>, offset: usize, width: usize, count: usize| {
+        let view = view.and_then(|view| document.buffer_views.get(view)).ok_or_else(|| wrong("has no bytes"))?;
+        let stride = view.byte_stride.unwrap_or(width);
+        if stride < width {
+            return Err(wrong(&format!("has elements that overlap, {stride} bytes apart")));
+        }
+        let range = || {
+            let buffer = buffers.get(view.buffer)?;
+            let all = buffer.get(view.byte_offset..view.byte_offset.checked_add(view.byte_length)?)?;
+            let needed = match count {
+                0 => 0,
+                count => (count - 1).checked_mul(stride)?.checked_add(width)?,
+            };
+            all.get(offset..)?.get(..needed)
         };
-        own.get(..needed)
+        let bytes = Cow::Borrowed(range().ok_or_else(beyond)?);
+        Ok(Elements { count, bytes, stride, width })
     };
-    let bytes = range().ok_or_else(|| wrong("reaches beyond its bytes"))?;
-    Ok((accessor, bytes.chunks(stride).map(move |element| &element[..width])))
+    let count = accessor.count;
+    let Some(sparse) = &accessor.sparse else {
+        return placed(accessor.buffer_view, accessor.byte_offset, width, count);
+    };
+    // Without a view there are no bytes that bound how many there are.
+    let most = SHARED + buffers.iter().map(|buffer| buffer.len()).sum::<usize>();
+    if sparse.count > count || accessor.buffer_view.is_none() && count > most {
+        return Err(wrong("has more elements than it can"));
+    }
+    let mut bytes = match accessor.buffer_view {
+        None => vec![0; width * count],
+        view => placed(view, accessor.byte_offset, width, count)?.iter().flatten().copied().collect(),
+    };
+    let Placed { buffer_view, byte_offset, component_type } = sparse.indices;
+    if ![5121, 5123, 5125].contains(&component_type) {
+        return Err(wrong(&format!("has places of the type {component_type}")));
+    }
+    let places = placed(buffer_view, byte_offset, bytes_of_type(component_type), sparse.count)?;
+    let values = placed(sparse.values.buffer_view, sparse.values.byte_offset, width, sparse.count)?;
+    for (place, value) in places.iter().map(whole).zip(values.iter()) {
+        let start = (place as usize).saturating_mul(width);
+        let slot = bytes.get_mut(start..).and_then(|rest| rest.get_mut(..width));
+        slot.ok_or_else(|| wrong(&format!("has another element {place} of {count}")))?.copy_from_slice(value);
+    }
+    Ok(Elements { count, bytes: Cow::Owned(bytes), stride: width, width })
 }
 
 #[cfg(test)]
@@ -437,5 +500,51 @@ mod tests {
         let objects = format!("{{\"asset\":{{}},\"nodes\":[{}]}}", vec!["{}"; MOST_OBJECTS].join(","));
         let told = refused(&objects);
         assert!(told.contains("1048578 objects"), "{told}");
+    }
+
+    /// A triangle whose positions are zeros but for two, and one whose view is corrected in one place.
+    #[test]
+    fn sparse_accessors_are_what_they_change() {
+        use base64::Engine;
+        let mut bytes: Vec<u8> = [9.0f32, 9.0, 9.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].map(f32::to_le_bytes).concat();
+        // The places 1 and 2, and 0; the values of the last.
+        bytes.extend([1, 2, 0, 0]);
+        bytes.extend([0.0f32; 3].map(f32::to_le_bytes).concat());
+        let data = base64::engine::general_purpose::STANDARD.encode(&bytes);
+        let text = |accessor: &str| {
+            format!(
+                "{{\"asset\":{{}},\"nodes\":[{{\"mesh\":0}}],\"meshes\":[{{\"primitives\":[{{\"attributes\":{{\"POSITION\":0}}}}]}}],\
+                 \"accessors\":[{{{accessor}}}],\"bufferViews\":[{{\"byteLength\":36}},{{\"byteOffset\":12,\"byteLength\":24}},\
+                 {{\"byteOffset\":36,\"byteLength\":4}},{{\"byteOffset\":40,\"byteLength\":12}}],\
+                 \"buffers\":[{{\"uri\":\"data:application/octet-stream;base64,{data}\"}}]}}"
+            )
+        };
+        let read_text = |accessor: &str| read(text(accessor).as_bytes(), &ReadLimits::default());
+        let kind = "\"componentType\":5126,\"type\":\"VEC3\"";
+        let without = |count: usize, changed: usize| {
+            format!(
+                "{kind},\"count\":{count},\"sparse\":{{\"count\":{changed},\"indices\":{{\"bufferView\":2,\"componentType\":5121}},\
+                 \"values\":{{\"bufferView\":1}}}}"
+            )
+        };
+        let corrected = format!(
+            "{kind},\"count\":3,\"bufferView\":0,\"sparse\":{{\"count\":1,\"indices\":{{\"bufferView\":2,\"byteOffset\":2,\
+             \"componentType\":5121}},\"values\":{{\"bufferView\":3}}}}"
+        );
+        for accessor in [without(3, 2), corrected] {
+            let raw = read_text(&accessor).unwrap();
+            assert_eq!(raw.positions, [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], "{accessor}");
+            assert_eq!(raw.faces, [[0, 1, 2]]);
+        }
+        for (accessor, expected) in [
+            (without(2, 2), "accessor 0 has another element 2 of 2"),
+            (without(3, 3), "reaches beyond its bytes"),
+            (without(1, 2), "more elements than it can"),
+            (without(usize::MAX / 16, 2), "more elements than it can"),
+            (without(3, 2).replace("5121", "5126"), "places of the type 5126"),
+        ] {
+            let refused = read_text(&accessor).unwrap_err().to_string();
+            assert!(refused.contains(expected), "{refused}");
+        }
     }
 }

@@ -50,7 +50,8 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
         return Err(header(&text, "the keyword OFF is missing"));
     }
     let mut variant = Variant::default();
-    if !text.at_number() {
+    // `4OFF` begins like a number.
+    if !text.at_number() || Variant::from_keyword(text.peek()).is_some() {
         let word = text.token();
         variant = Variant::from_keyword(word).ok_or_else(|| header(&text, "the keyword OFF is missing"))?;
         if !text.any() {
@@ -135,6 +136,7 @@ mod tests {
             "4 1 4\r\n0 0 0\r\n1 0 0\r\n1 1 0\r\n0 1 0\r\n4 0 1 2 3\r\n",
             "COFF\n4 1 0\n0 0 0 1 1 1 1\n1 0 0 1 1 1 1\n1 1 0 1 1 1 1\n0 1 0 1 1 1 1\n4 0 1 2 3\n",
             "STCN4OFF\n4 1 0\n0 0 0 1 9\n2 0 0 2 9\n1 1 0 1 9\n0 .5 0 .5 9\n4 0 1 2 3\n",
+            "4OFF\n4 1 0\n0 0 0 1\n2 0 0 2\n1 1 0 1\n0 .5 0 .5\n4 0 1 2 3\n",
             "nOFF 3\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n",
         ] {
             let mesh = read(text).unwrap();

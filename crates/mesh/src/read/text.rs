@@ -84,7 +84,8 @@ impl<'a> Text<'a> {
         token
     }
 
-    fn peek(&self) -> &'a [u8] {
+    /// The same without going past it.
+    pub fn peek(&self) -> &'a [u8] {
         let rest = &self.bytes[self.at..];
         &rest[..rest.iter().position(|&byte| is_space(byte)).unwrap_or(rest.len())]
     }
