@@ -38,6 +38,9 @@ const STORE_PAUSE: Duration = Duration::from_millis(500);
 /// A storage that others share is waited for so long before an attempt begins.
 const SUBJECT_PATIENCE: Duration = Duration::from_secs(300);
 
+/// A result that takes longer to be stored may wait for the storage: then that is told.
+const DELAY_LOOK: Duration = Duration::from_secs(3);
+
 /// What the heartbeat tells the attempt.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Verdict {
@@ -88,7 +91,9 @@ pub(super) async fn run(
         Ok(Some(subject)) => subject,
         Ok(None) => return Threads::Free,
         Err(error) => {
-            let retryable = error.is_retryable();
+            // Content that others share may be missing for this process alone, or be written anew meanwhile.
+            let retryable =
+                error.is_retryable() || (shared.store.is_shared() && matches!(error, StoreError::Damaged { .. }));
             let name = if job.bases.is_empty() { "mesh-unavailable" } else { "basis-unavailable" };
             settle(shared, &job.kind, Ending::Failed(problem(name, &error), retryable), token).await;
             return Threads::Free;
@@ -325,7 +330,20 @@ async fn store_result(shared: &Shared, kind: &str, token: Uuid, monitor: &Attemp
         shared.observer.stage_ended(kind, stage, *seconds);
     }
     let begun = Instant::now();
-    match shared.store.complete(token, product, stage_seconds).await {
+    let completed = {
+        let mut completing = std::pin::pin!(shared.store.complete(token, product, stage_seconds));
+        loop {
+            match tokio::time::timeout(DELAY_LOOK, &mut completing).await {
+                Ok(completed) => break completed,
+                Err(_) => {
+                    if let Some(why) = shared.store.delay().await {
+                        chladni_base::Monitor::detail(monitor, &format!("the result waits for the storage: {why}"));
+                    }
+                }
+            }
+        }
+    };
+    match completed {
         Ok(CompleteAnswer::Stored(basis)) => {
             shared.observer.stage_ended(kind, "store", begun.elapsed().as_secs_f64());
             shared.observer.finished(kind, JobStatus::Succeeded);
