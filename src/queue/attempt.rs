@@ -209,7 +209,7 @@ impl UnderWay<'_> {
         if std::mem::replace(&mut self.settled, true) {
             return;
         }
-        tracing::warn!("lease lost");
+        tracing::warn!("lease lost: another worker may have the job, and what this attempt comes to is discarded");
         self.shared.observer.lease_lost(&self.job.kind);
         self.monitor.cancel();
     }
@@ -350,7 +350,12 @@ async fn store_result(shared: &Shared, kind: &str, token: Uuid, monitor: &Attemp
             tracing::info!(%basis, store_seconds = begun.elapsed().as_secs_f64(), "basis stored");
         }
         Ok(CompleteAnswer::Canceled) => shared.observer.finished(kind, JobStatus::Canceled),
-        Ok(CompleteAnswer::Lost) => shared.observer.lease_lost(kind),
+        Ok(CompleteAnswer::Lost) => {
+            tracing::warn!(
+                "the result is discarded: the lease was lost before it was stored, and another worker may have the job"
+            );
+            shared.observer.lease_lost(kind);
+        }
         Err(error) => {
             let name = match &error {
                 StoreError::StorageFull { .. } => "storage-full",

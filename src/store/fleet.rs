@@ -42,6 +42,12 @@ impl Fleet {
         (0..KNOWN_MS).contains(&(now_ms - at_ms)).then(|| workers.clone())
     }
 
+    /// Has it asked for anew.
+    #[cfg(test)]
+    pub fn forget(&self) {
+        self.note(i64::MIN, Vec::new());
+    }
+
     fn note(&self, now_ms: i64, workers: Vec<Worker>) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = (now_ms, workers);
     }

@@ -42,7 +42,10 @@ pub(super) async fn damaged_objects() {
     assert!(matches!(store.load_mesh(&record.id).await, Err(StoreError::Damaged { .. })));
     let whole = 0..record.bytes;
     assert!(matches!(store.blob_bytes(&record.content_hash, whole.clone()).await, Err(StoreError::Damaged { .. })));
+    // No client is sent to where damaged content lies.
+    assert!(matches!(store.refuse_damaged(&record.content_hash).await, Err(StoreError::Damaged { .. })));
     assert!(!store.add_mesh(new.clone()).await.unwrap().created);
+    store.refuse_damaged(&record.content_hash).await.unwrap();
     assert_eq!(store.load_mesh(&record.id).await.unwrap(), new.mesh);
     damage_all(objects, |_| None).await;
     assert!(matches!(store.blob_bytes(&record.content_hash, whole).await, Err(StoreError::Damaged { .. })));
