@@ -97,13 +97,13 @@ pub struct Metrics {
     /// Bytes of the blob database.
     pub blob_bytes: IntGauge,
     /// Bytes of the write-ahead logs.
-    pub wal_bytes: IntGauge,
+    pub wal_bytes: Perhaps,
     /// Bytes of each database file.
     pub database_bytes: IntGaugeVec,
     /// Bytes that are free on the disk of the data folder.
-    pub free_bytes: IntGauge,
+    pub free_bytes: Perhaps,
     /// Bytes that must stay free there.
-    pub least_free_bytes: IntGauge,
+    pub least_free_bytes: Perhaps,
     /// 1 where the server takes work, else 0.
     pub ready: IntGauge,
     /// 1, labelled with what keeps records and content.
@@ -117,7 +117,7 @@ pub struct Metrics {
     /// Jobs that they run at once.
     pub worker_seats: IntGaugeVec,
     /// Seconds for which the job has waited that waits for longest and could run.
-    pub queue_age_seconds: IntGauge,
+    pub queue_age_seconds: Perhaps,
     /// Bytes of memory that running jobs were promised.
     pub job_memory_promised_bytes: IntGauge,
     /// Bytes of memory that jobs may be promised together.
@@ -126,6 +126,19 @@ pub struct Metrics {
     pub gpu_available: IntGauge,
     /// Solves that fell back from the GPU to the CPU.
     pub gpu_fallbacks: IntCounter,
+}
+
+/// A gauge that is left out where there is nothing to tell: a zero would be an answer, and an alarm.
+pub struct Perhaps(IntGaugeVec);
+
+impl Perhaps {
+    /// Sets it, or has it left out.
+    pub fn set(&self, value: Option<u64>) {
+        match value {
+            Some(value) => self.0.with_label_values::<&str>(&[]).set(i64::try_from(value).unwrap_or(i64::MAX)),
+            None => self.0.reset(),
+        }
+    }
 }
 
 /// What makes workers alike.
@@ -195,13 +208,13 @@ impl Metrics {
             basis_cache_misses: kept.counter("chladni_basis_cache_misses_total", "Bases that had to be loaded")?,
             basis_cache_bytes: kept.gauge("chladni_basis_cache_bytes", "Bytes of decoded bases in the cache")?,
             blob_bytes: kept.gauge("chladni_blob_bytes", "Bytes of the blob database")?,
-            wal_bytes: kept.gauge("chladni_wal_bytes", "Bytes of the write-ahead logs")?,
+            wal_bytes: kept.perhaps("chladni_wal_bytes", "Bytes of the write-ahead logs")?,
             database_bytes: kept.keep(IntGaugeVec::new(
                 Opts::new("chladni_database_bytes", "Bytes of each database file"),
                 &["database"],
             )?)?,
-            free_bytes: kept.gauge("chladni_free_bytes", "Bytes that are free on the disk of the data folder")?,
-            least_free_bytes: kept.gauge("chladni_least_free_bytes", "Bytes that must stay free on that disk")?,
+            free_bytes: kept.perhaps("chladni_free_bytes", "Bytes that are free on the disk of the data folder")?,
+            least_free_bytes: kept.perhaps("chladni_least_free_bytes", "Bytes that must stay free on that disk")?,
             ready: kept.gauge("chladni_ready", "1 where the server takes work, else 0")?,
             store_info: kept.keep(IntGaugeVec::new(
                 Opts::new("chladni_store_info", "1, labelled with what keeps records and content"),
@@ -221,7 +234,7 @@ impl Metrics {
                 WORKER_LABELS,
             )?)?,
             queue_age_seconds: kept
-                .gauge("chladni_queue_age_seconds", "Seconds for which the oldest job has waited that could run")?,
+                .perhaps("chladni_queue_age_seconds", "Seconds for which the oldest job has waited that could run")?,
             job_memory_promised_bytes: kept
                 .gauge("chladni_job_memory_promised_bytes", "Bytes of memory that running jobs were promised")?,
             job_memory_limit_bytes: kept
@@ -271,6 +284,9 @@ impl Keeper<'_> {
     fn gauge(&self, name: &str, help: &str) -> Result<IntGauge, prometheus::Error> {
         self.keep(IntGauge::new(name, help)?)
     }
+    fn perhaps(&self, name: &str, help: &str) -> Result<Perhaps, prometheus::Error> {
+        Ok(Perhaps(self.keep(IntGaugeVec::new(Opts::new(name, help), &[])?)?))
+    }
 }
 
 #[cfg(test)]
@@ -284,6 +300,10 @@ mod tests {
         metrics.job_run_seconds.with_label_values(&["eigenbasis", "eigen"]).observe(0.2);
         metrics.leases_lost.inc();
         metrics.job_retries.inc();
+        metrics.free_bytes.set(Some(7));
+        metrics.free_bytes.set(None);
+        assert!(!metrics.render().contains("chladni_free_bytes"));
+        metrics.wal_bytes.set(Some(0));
         let text = metrics.render();
         for line in [
             r#"chladni_http_requests_total{method="POST",route="/v1/meshes",status="201"} 1"#,
@@ -314,6 +334,9 @@ mod tests {
         metrics.job_run_seconds.with_label_values(&["eigenbasis", "eigen"]).observe(1.0);
         metrics.reduced_solve_seconds.with_label_values(&["filter"]).observe(1.0);
         metrics.database_bytes.with_label_values(&["meta"]).set(1);
+        for own in [&metrics.wal_bytes, &metrics.free_bytes, &metrics.least_free_bytes, &metrics.queue_age_seconds] {
+            own.set(Some(1));
+        }
         metrics.store_info.with_label_values(&["sqlite", "sqlite"]).set(1);
         metrics.workers.with_label_values(&["1", "all", "0.1.0+5"]).set(1);
         metrics.worker_seats.with_label_values(&["1", "all", "0.1.0+5"]).set(1);

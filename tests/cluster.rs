@@ -93,6 +93,10 @@ async fn two_servers_and_two_workers_are_one_service() {
     {
         assert!(metrics.lines().any(|own| own == line), "{line} is missing from\n{metrics}");
     }
+    // What is known of a data folder alone is left out, and alarms nobody.
+    for name in ["free_bytes", "least_free_bytes", "database_bytes", "wal_bytes"] {
+        assert!(!metrics.contains(&format!("\nchladni_{name}")), "{name} is told in\n{metrics}");
+    }
     let class = metrics.lines().find(|line| line.starts_with("chladni_workers{")).unwrap();
     assert!(class.contains(r#"kinds="all""#) && class.ends_with(" 2"), "{class}");
     assert_eq!(places.check().await, 13);
@@ -366,6 +370,45 @@ async fn a_folder_is_moved_where_many_share_it_however_often_that_is_killed() {
         !refused.status.success() && String::from_utf8_lossy(&refused.stderr).contains("nothing else"),
         "{refused:?}"
     );
+}
+
+/// Content that is missing may be put back, and is missing for this worker alone perhaps: no job has failed for good
+/// with its first attempt.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_job_whose_mesh_is_missing_is_tried_again() {
+    let Some(places) = Places::new() else { return };
+    let server = places.server();
+    let mesh = server.upload().await;
+    let content = places.folder.path().join("objects/b");
+    let file = std::fs::read_dir(&content).unwrap().next().unwrap().unwrap().path();
+    let aside = places.folder.path().join("aside");
+    std::fs::rename(&file, &aside).unwrap();
+    let job = server.submit(&mesh, 4).await.unwrap();
+    let _worker = places.worker(&[]);
+    let begun = Instant::now();
+    let mut seen = Value::Null;
+    while seen["problem"].is_null() {
+        assert!(begun.elapsed() < PATIENCE, "{seen}");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+        seen = server.client.get(format!("{}/v1/jobs/{job}", server.url)).send().await.unwrap().json().await.unwrap();
+    }
+    assert_ne!(seen["status"], "failed", "{seen}");
+    std::fs::rename(&aside, &file).unwrap();
+    let done = server.finished(&job).await;
+    assert_eq!(done["status"], "succeeded", "{done}");
+}
+
+#[test]
+fn a_worker_of_another_store_is_refused_and_names_both() {
+    let Some(places) = Places::new() else { return };
+    let _server = places.server();
+    let mut settings = places.settings();
+    let other = format!("{}-2", places.objects);
+    settings[3] = &other;
+    settings.extend(["--threads", "1", "--gpu", "off", "--log-level", "error"]);
+    let refused = Command::new(env!("CARGO_BIN_EXE_chladni")).arg("worker").args(settings).output().unwrap();
+    let told = String::from_utf8_lossy(&refused.stderr);
+    assert!(!refused.status.success() && told.contains("do not belong together"), "{refused:?}");
 }
 
 #[test]

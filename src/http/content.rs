@@ -262,6 +262,7 @@ fn prefers_redirect(headers: &HeaderMap) -> bool {
 /// there.
 async fn elsewhere(state: &ClientState, record: &BasisRecord, media_type: &str) -> Result<Option<Response>, Problem> {
     let file_name = format!("basis-{}.npz", record.id);
+    state.store.refuse_damaged(&record.content_hash).await?;
     let Some(address) = state.store.signed_address(&record.content_hash, media_type, &file_name).await? else {
         return Ok(None);
     };

@@ -27,7 +27,7 @@ use super::problems::problems;
 use super::state::AppState;
 use super::wire::{JobRequest, JobResource, PageOf, Status};
 use super::{body, conditional, exchange, shapes};
-use crate::store::{EnqueueOutcome, IdempotencyKey, JobFilter, JobRecord, JobStatus, NewJob, StoreError};
+use crate::store::{EnqueueOutcome, IdempotencyKey, JobFilter, JobRecord, JobStatus, NewJob, Store, StoreError};
 
 /// The largest body of a job: a potential comes with it.
 const JSON_BYTES: u64 = 16 << 20;
@@ -140,7 +140,7 @@ async fn submit(
     tracing::info!(job = %record.id, mesh = record.mesh, kind = record.kind, outcome = outcome_name(outcome), "job submitted");
     if !wait.is_zero() && !record.status.is_finished() {
         record = awaited(&state, record.id, wait, |record| record.status.is_finished()).await?;
-        say_why_it_waits(state.store.has_space(), &mut record);
+        say_why_they_wait(&state.store, std::slice::from_mut(&mut record)).await?;
     }
     let ended = !wait.is_zero() && record.status.is_finished();
     let done = ended || record.status == JobStatus::Succeeded;
@@ -334,11 +334,16 @@ fn resource(record: JobRecord, status: StatusCode) -> Result<Response, Problem> 
     Ok(response)
 }
 
-/// Jobs are not begun while the storage is full, since their results could not be stored.
-fn say_why_it_waits(has_space: bool, job: &mut JobRecord) {
-    if job.status == JobStatus::Enqueued && !has_space {
-        job.detail = Some("waits until the storage has room for its result".to_owned());
+/// Jobs are not begun while the storage is full, since their results could not be stored; nor where nobody is there who
+/// may do them.
+async fn say_why_they_wait(store: &Store, jobs: &mut [JobRecord]) -> Result<(), StoreError> {
+    let nobody = store.why_nobody_takes(jobs).await?;
+    let has_space = store.has_space();
+    for (job, nobody) in jobs.iter_mut().zip(nobody).filter(|(job, _)| job.status == JobStatus::Enqueued) {
+        let full = || (!has_space).then(|| "waits until the storage has room for its result".to_owned());
+        job.detail = full().or(nobody).or_else(|| job.detail.take());
     }
+    Ok(())
 }
 
 /// Which jobs, and which page of them.
@@ -386,8 +391,7 @@ async fn list(state: ClientState, QueryOf(query): QueryOf<ListQuery>) -> Result<
     let (page, store) = (extract::page(query.limit, query.from)?, state.store.clone());
     let resources = async move {
         let mut page = store.jobs(&filter, &page).await?;
-        let has_space = store.has_space();
-        page.items.iter_mut().for_each(|job| say_why_it_waits(has_space, job));
+        say_why_they_wait(&store, &mut page.items).await?;
         Ok(PageOf::of(page, JobResource::from))
     };
     Ok(Json(state.off_loop(resources).await?))
@@ -437,7 +441,7 @@ async fn show(
     if conditional_on && known(&record) {
         return Ok(StatusCode::NOT_MODIFIED.into_response());
     }
-    say_why_it_waits(state.store.has_space(), &mut record);
+    say_why_they_wait(&state.store, std::slice::from_mut(&mut record)).await?;
     let mut response = resource(record, StatusCode::OK)?;
     response.headers_mut().remove(header::LOCATION);
     Ok(response)

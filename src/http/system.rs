@@ -228,18 +228,16 @@ async fn metrics(State(state): State<AppState>) -> Result<Response, Problem> {
         Some(Err(error)) => tracing::warn!(%error, "jobs cannot be counted"),
     }
     metrics.blob_bytes.set(health.blob_bytes as i64);
-    metrics.wal_bytes.set(health.wal_bytes as i64);
-    for (database, bytes) in health.database_bytes {
+    // Of a database elsewhere nothing is known of files and disks.
+    let own = !state.store.is_shared();
+    metrics.wal_bytes.set(own.then_some(health.wal_bytes));
+    for (database, bytes) in health.database_bytes.into_iter().filter(|_| own) {
         metrics.database_bytes.with_label_values(&[database]).set(bytes as i64);
     }
-    metrics.free_bytes.set(health.free_bytes.unwrap_or_default() as i64);
-    metrics.least_free_bytes.set(health.least_free_bytes as i64);
+    metrics.free_bytes.set(health.free_bytes);
+    metrics.least_free_bytes.set(health.free_bytes.map(|_| health.least_free_bytes));
     metrics.ready.set(i64::from(refusals(&state, &health).is_empty()));
-    if health.database_up
-        && let Some(seconds) = queue_age_seconds(&state).await
-    {
-        metrics.queue_age_seconds.set(i64::try_from(seconds).unwrap_or(i64::MAX));
-    }
+    metrics.queue_age_seconds.set(if health.database_up { queue_age_seconds(&state).await } else { None });
     metrics.store_info.reset();
     metrics.store_info.with_label_values(&[health.database, health.content]).set(1);
     metrics.database_up.set(i64::from(health.database_up));

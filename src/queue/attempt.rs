@@ -38,6 +38,9 @@ const STORE_PAUSE: Duration = Duration::from_millis(500);
 /// A storage that others share is waited for so long before an attempt begins.
 const SUBJECT_PATIENCE: Duration = Duration::from_secs(300);
 
+/// A result that takes longer to be stored may wait for the storage: then that is told.
+const DELAY_LOOK: Duration = Duration::from_secs(3);
+
 /// What the heartbeat tells the attempt.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Verdict {
@@ -88,7 +91,9 @@ pub(super) async fn run(
         Ok(Some(subject)) => subject,
         Ok(None) => return Threads::Free,
         Err(error) => {
-            let retryable = error.is_retryable();
+            // Content that others share may be missing for this process alone, or be written anew meanwhile.
+            let retryable =
+                error.is_retryable() || (shared.store.is_shared() && matches!(error, StoreError::Damaged { .. }));
             let name = if job.bases.is_empty() { "mesh-unavailable" } else { "basis-unavailable" };
             settle(shared, &job.kind, Ending::Failed(problem(name, &error), retryable), token).await;
             return Threads::Free;
@@ -204,7 +209,7 @@ impl UnderWay<'_> {
         if std::mem::replace(&mut self.settled, true) {
             return;
         }
-        tracing::warn!("lease lost");
+        tracing::warn!("lease lost: another worker may have the job, and what this attempt comes to is discarded");
         self.shared.observer.lease_lost(&self.job.kind);
         self.monitor.cancel();
     }
@@ -325,14 +330,32 @@ async fn store_result(shared: &Shared, kind: &str, token: Uuid, monitor: &Attemp
         shared.observer.stage_ended(kind, stage, *seconds);
     }
     let begun = Instant::now();
-    match shared.store.complete(token, product, stage_seconds).await {
+    let completed = {
+        let mut completing = std::pin::pin!(shared.store.complete(token, product, stage_seconds));
+        loop {
+            match tokio::time::timeout(DELAY_LOOK, &mut completing).await {
+                Ok(completed) => break completed,
+                Err(_) => {
+                    if let Some(why) = shared.store.delay().await {
+                        chladni_base::Monitor::detail(monitor, &format!("the result waits for the storage: {why}"));
+                    }
+                }
+            }
+        }
+    };
+    match completed {
         Ok(CompleteAnswer::Stored(basis)) => {
             shared.observer.stage_ended(kind, "store", begun.elapsed().as_secs_f64());
             shared.observer.finished(kind, JobStatus::Succeeded);
             tracing::info!(%basis, store_seconds = begun.elapsed().as_secs_f64(), "basis stored");
         }
         Ok(CompleteAnswer::Canceled) => shared.observer.finished(kind, JobStatus::Canceled),
-        Ok(CompleteAnswer::Lost) => shared.observer.lease_lost(kind),
+        Ok(CompleteAnswer::Lost) => {
+            tracing::warn!(
+                "the result is discarded: the lease was lost before it was stored, and another worker may have the job"
+            );
+            shared.observer.lease_lost(kind);
+        }
         Err(error) => {
             let name = match &error {
                 StoreError::StorageFull { .. } => "storage-full",

@@ -150,6 +150,7 @@ impl Store {
             match call().await {
                 Err(error) if self.is_shared() && error.is_retryable() && begun.elapsed() < PATIENCE => {
                     tracing::warn!(%error, "a result waits for the storage");
+                    self.note_delay(&error);
                     tokio::time::sleep(pause).await;
                     pause = (pause * 3).min(LONGEST_PAUSE);
                 }

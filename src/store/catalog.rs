@@ -11,7 +11,7 @@ use super::postgres::{Postgres, PostgresTransaction};
 use super::{
     Clock, StoreError,
     database::{Database, WriteTransaction},
-    sql::On,
+    sql::{self, On},
 };
 
 /// Where the records are kept.
@@ -154,6 +154,17 @@ impl Transaction {
     /// A statement that reads rows which stay as they are until the transaction ends, without those that others hold.
     pub fn locking_free(&self, text: &'static str) -> SqlStr {
         self.with_lock(text, " FOR UPDATE SKIP LOCKED")
+    }
+
+    /// Has others who count what waits wait for the end of this transaction, lest several take the last place. Alone in
+    /// SQLite anyway.
+    pub async fn alone_among_those_who_count(&mut self) -> Result<(), StoreError> {
+        #[cfg(feature = "cluster")]
+        if let Self::Postgres(transaction) = self {
+            let lock = sql::query("SELECT 1 FROM (SELECT pg_advisory_xact_lock(7018348714)) AS held");
+            lock.fetch_one(transaction.on()).await?;
+        }
+        Ok(())
     }
 
     fn with_lock(&self, text: &'static str, lock: &str) -> SqlStr {

@@ -13,10 +13,22 @@ use std::{
     time::{Duration, Instant},
 };
 
-use sqlx::{Connection, PgConnection, PgPool, Postgres, pool::PoolConnection};
+use sqlx::{ConnectOptions, Connection, PgConnection, PgPool, Postgres, pool::PoolConnection};
+
+use super::{StoreError, fullness::Fullness};
 
 /// A connection that was used so lately is taken to live.
 const FRESH: Duration = Duration::from_secs(1);
+/// Who has waited so long for a connection asks whether there is a database to connect to. The pool does not say: while
+/// connections are refused it tries again, until nobody would wait any more.
+const DOUBT: Duration = Duration::from_secs(1);
+/// A database that does not let anybody in within so long is away.
+const SILENCE: Duration = Duration::from_secs(3);
+/// What was found of it is good for so long.
+const KNOWN: Duration = Duration::from_millis(500);
+
+/// When a database was asked, and why it could not be connected to, if so.
+type Asked = Option<(Instant, Option<String>)>;
 
 /// Connections of a pool, and those of them that are at hand; cheap to clone.
 #[derive(Clone)]
@@ -25,6 +37,9 @@ pub(super) struct Connections {
     kept: Arc<Mutex<Kept>>,
     /// Who waits for the pool: then nothing is kept from it.
     waiting: Arc<AtomicUsize>,
+    /// When it was last asked whether the database is there, and why it is not, if so.
+    asked: Arc<tokio::sync::Mutex<Asked>>,
+    fullness: Arc<Fullness>,
 }
 
 /// Connections and when each was used.
@@ -56,12 +71,59 @@ impl Drop for Waiting<'_> {
 
 impl Connections {
     pub fn new(pool: PgPool) -> Self {
-        Self { pool, kept: Arc::default(), waiting: Arc::default() }
+        Self { pool, kept: Arc::default(), waiting: Arc::default(), asked: Arc::default(), fullness: Arc::default() }
     }
 
-    /// The pool, for what is to have the database asked first.
-    pub fn pool(&self) -> &PgPool {
-        &self.pool
+    /// Whether the database has room.
+    pub fn fullness(&self) -> &Arc<Fullness> {
+        &self.fullness
+    }
+
+    /// A connection of the pool, which asks the database first whether it lives. Where all are in use one is waited
+    /// for; where the database is away, that is said within a second or two.
+    async fn acquire(&self) -> Result<PoolConnection<Postgres>, sqlx::Error> {
+        if let Ok(asked) = self.asked.try_lock()
+            && let Some((when, Some(why))) = &*asked
+            && when.elapsed() < KNOWN
+        {
+            return Err(away(why));
+        }
+        let mut acquired = std::pin::pin!(self.pool.acquire());
+        loop {
+            match tokio::time::timeout(DOUBT, &mut acquired).await {
+                Ok(acquired) => return acquired,
+                Err(_) => {
+                    if let Some(why) = self.absence().await {
+                        return Err(away(&why));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Why the database cannot be connected to; `None` where it can. One asks for all who want to know.
+    async fn absence(&self) -> Option<String> {
+        let mut asked = self.asked.lock().await;
+        if let Some((when, found)) = &*asked
+            && when.elapsed() < KNOWN
+        {
+            return found.clone();
+        }
+        let options = self.pool.connect_options();
+        let found = match tokio::time::timeout(SILENCE, options.connect()).await {
+            Ok(Ok(connection)) => {
+                let _ = connection.close().await;
+                None
+            }
+            Ok(Err(error)) => {
+                let said = error.to_string();
+                // It has as many connections as it may: that is no absence.
+                (!matches!(StoreError::from(error), StoreError::Busy { .. })).then_some(said)
+            }
+            Err(_) => Some(format!("it has let nobody in for {} s", SILENCE.as_secs())),
+        };
+        *asked = Some((Instant::now(), found.clone()));
+        found
     }
 
     fn at_hand(&self) -> Option<(PoolConnection<Postgres>, Instant)> {
@@ -82,7 +144,7 @@ impl Connections {
         // One that was kept in between, when nobody seemed to wait.
         match self.at_hand() {
             Some((connection, since)) if since.elapsed() < FRESH => Ok(connection),
-            _ => self.pool.acquire().await,
+            _ => self.acquire().await,
         }
     }
 
@@ -112,6 +174,11 @@ impl Connections {
         sqlx::Transaction::begin(self.take().await?, Some(sqlx::SqlSafeStr::into_sql_str(statement))).await
     }
 
+    /// Begins a transaction on a connection of which the database was asked first.
+    pub async fn begin_asked(&self) -> Result<sqlx::Transaction<'static, Postgres>, sqlx::Error> {
+        sqlx::Transaction::begin(self.acquire().await?, None).await
+    }
+
     /// Waits for running statements and closes every connection.
     pub async fn close(&self) {
         // It is closed from here on, and what is kept later comes back to it at once.
@@ -119,4 +186,9 @@ impl Connections {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner).0.clear();
         closed.await;
     }
+}
+
+/// That the database is away.
+fn away(why: &str) -> sqlx::Error {
+    sqlx::Error::Io(std::io::Error::new(std::io::ErrorKind::NotConnected, format!("no connection: {why}")))
 }

@@ -3,13 +3,27 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use super::{Store, StoreError, sql};
+use chladni_spectral::basis::{EIGENBASIS_PART, ProductKind};
+
+use super::{JobRecord, JobStatus, Store, StoreError, sql};
 
 /// One that has not been heard of for so long, in milliseconds, is taken for gone.
 const SILENCE_MS: i64 = 60_000;
 
 /// What is known of a fleet is good for so long, in milliseconds.
 const KNOWN_MS: i64 = 1000;
+
+/// Whether a job can be done by a worker that was heard of since `?2`, or there is none: as a claim looks at it
+/// (`claims.rs`).
+const SOMEBODY_IS_ABLE: &str = " AND (NOT EXISTS (SELECT 1 FROM workers WHERE seen_ms >= ?2) OR EXISTS (
+    SELECT 1 FROM workers WHERE seen_ms >= ?2 AND workers.memory_bytes >= jobs.memory_bytes
+        AND (kinds = '[]' OR strpos(kinds, '\"' || CASE kind WHEN 'eigenbasis_part' THEN 'eigenbasis' ELSE kind END || '\"') > 0
+            OR strpos(kinds, '\"' || kind || '\"') > 0)
+        AND (jobs.solver_version = workers.solver_version
+            OR CASE WHEN jobs.solver_version ~ '^[0-9]+([.+][0-9]+)*$' AND workers.solver_version ~ '^[0-9]+([.+][0-9]+)*$'
+                THEN CAST(string_to_array(translate(jobs.solver_version, '+', '.'), '.') AS INTEGER[])
+                    <= CAST(string_to_array(translate(workers.solver_version, '+', '.'), '.') AS INTEGER[])
+                ELSE FALSE END)))";
 
 /// The processes that took jobs when they were last asked for, and when that was.
 #[derive(Debug, Default)]
@@ -20,6 +34,18 @@ impl Fleet {
     fn known(&self, now_ms: i64, what: impl FnOnce(&[Worker]) -> Option<u64>) -> Option<u64> {
         let (at_ms, workers) = &*self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if (0..KNOWN_MS).contains(&(now_ms - at_ms)) { what(workers) } else { None }
+    }
+
+    /// The fleet, if what is known of it is fresh.
+    fn all(&self, now_ms: i64) -> Option<Vec<Worker>> {
+        let (at_ms, workers) = &*self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        (0..KNOWN_MS).contains(&(now_ms - at_ms)).then(|| workers.clone())
+    }
+
+    /// Has it asked for anew.
+    #[cfg(test)]
+    pub fn forget(&self) {
+        self.note(i64::MIN, Vec::new());
     }
 
     fn note(&self, now_ms: i64, workers: Vec<Worker>) {
@@ -44,7 +70,74 @@ pub struct Worker {
     pub kinds: Vec<String>,
 }
 
+/// The condition, where workers share the records.
+pub(super) fn somebody_is_able(shared: bool) -> &'static str {
+    if shared { SOMEBODY_IS_ABLE } else { "" }
+}
+
+impl Worker {
+    fn takes(&self, kind: &str) -> bool {
+        // Who solves eigenproblems solves their parts.
+        let own = if kind == EIGENBASIS_PART { ProductKind::Eigenbasis.name() } else { kind };
+        self.kinds.is_empty() || self.kinds.iter().any(|taken| taken == kind || taken == own)
+    }
+
+    /// Whether it may do jobs of a version: those of a newer solver it leaves to others.
+    fn may_do(&self, version: &str) -> bool {
+        let numbers =
+            |text: &str| -> Option<Vec<u64>> { text.split(['.', '+']).map(|number| number.parse().ok()).collect() };
+        let older = || Some(numbers(version)? <= numbers(&self.solver_version)?);
+        self.solver_version == version || older().unwrap_or(false)
+    }
+}
+
+/// Why none of these takes a job; `None` where one does.
+fn why_nobody(job: &JobRecord, workers: &[Worker]) -> Option<String> {
+    if workers.is_empty() {
+        return Some("waits for a worker: none has been heard of for a minute".to_owned());
+    }
+    let of_kind: Vec<&Worker> = workers.iter().filter(|worker| worker.takes(&job.kind)).collect();
+    if of_kind.is_empty() {
+        return Some(format!("waits for a worker that takes jobs of the kind {}", job.kind));
+    }
+    let of_version: Vec<&Worker> = of_kind.into_iter().filter(|worker| worker.may_do(&job.solver_version)).collect();
+    if of_version.is_empty() {
+        return Some(format!("waits for a worker whose solver is {} or newer", job.solver_version));
+    }
+    let most = of_version.iter().map(|worker| worker.memory_bytes).max().unwrap_or(0);
+    (most < job.memory_bytes).then(|| {
+        format!("waits for a worker with {} bytes of memory for jobs; the largest has {most}", job.memory_bytes)
+    })
+}
+
 impl Store {
+    /// Workers that were heard of before are taken for gone.
+    pub(super) fn heard_since_ms(&self) -> i64 {
+        self.now_ms() - SILENCE_MS
+    }
+
+    /// Why each of some jobs waits for which no living worker is there that may do it; `None` for all others, and where
+    /// this process is alone. An answer of the last second will do.
+    ///
+    /// # Errors
+    /// [`StoreError::Unavailable`] and its kin.
+    pub async fn why_nobody_takes(&self, jobs: &[JobRecord]) -> Result<Vec<Option<String>>, StoreError> {
+        let waits = |job: &JobRecord| job.status == JobStatus::Enqueued;
+        if !self.is_shared() || !jobs.iter().any(waits) {
+            return Ok(vec![None; jobs.len()]);
+        }
+        let now_ms = self.now_ms();
+        let workers = match self.inner.fleet.all(now_ms) {
+            Some(workers) => workers,
+            None => {
+                let workers = self.workers().await?;
+                self.inner.fleet.note(now_ms, workers.clone());
+                workers
+            }
+        };
+        Ok(jobs.iter().map(|job| if waits(job) { why_nobody(job, &workers) } else { None }).collect())
+    }
+
     /// Whether other processes use the same records.
     pub fn is_shared(&self) -> bool {
         self.inner.catalog.is_shared()
@@ -103,9 +196,7 @@ impl Store {
     /// [`StoreError::Unavailable`] and its kin.
     pub async fn most_memory_for(&self, kind: &str, needed: u64) -> Result<Option<u64>, StoreError> {
         let most = |workers: &[Worker]| {
-            let able =
-                workers.iter().filter(|worker| worker.kinds.is_empty() || worker.kinds.iter().any(|own| own == kind));
-            able.map(|worker| worker.memory_bytes).max()
+            workers.iter().filter(|worker| worker.takes(kind)).map(|worker| worker.memory_bytes).max()
         };
         let now_ms = self.now_ms();
         if let Some(most) = self.inner.fleet.known(now_ms, most).filter(|&most| most >= needed) {
@@ -126,7 +217,7 @@ impl Store {
             return Ok(Vec::new());
         }
         let rows = sql::query("SELECT * FROM workers WHERE seen_ms >= ? ORDER BY id")
-            .bind(self.now_ms() - SILENCE_MS)
+            .bind(self.heard_since_ms())
             .fetch_all(self.inner.catalog.reader())
             .await?;
         rows.iter()

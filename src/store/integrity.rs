@@ -197,6 +197,19 @@ impl Store {
         }
     }
 
+    /// Refuses content that was found damaged, before a client is sent to where it lies. Of damage that nobody has met
+    /// nothing is known.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`].
+    pub async fn refuse_damaged(&self, hash: &str) -> Result<(), StoreError> {
+        if !self.inner.known.is_damaged(hash) {
+            return Ok(());
+        }
+        let _in_use = self.inner.blob_use.read().await;
+        self.verify_blob(hash).await
+    }
+
     /// Looks at content before it is streamed, so that damage is told instead of a first byte: at all of it up to 64
     /// MiB, else at the beginning. The rest is verified as it is streamed.
     ///

@@ -9,7 +9,7 @@ use super::{
     detached,
     fault::FailPoint,
     fields::{self, Of},
-    from_json, job_bases,
+    fleet, from_json, job_bases,
     page::Listing,
     parts::{self, PARTS_HAVE_ENDED},
     sources::SourceKind,
@@ -242,6 +242,7 @@ impl Store {
 
     async fn check_queue(&self, on: &mut Transaction) -> Result<(), StoreError> {
         let Some(limit) = self.inner.options.queued_jobs_limit else { return Ok(()) };
+        on.alone_among_those_who_count().await?;
         let waiting: i64 =
             sql::query_scalar("SELECT COUNT(*) FROM jobs WHERE status = 'enqueued'").fetch_one(on.on()).await?;
         if waiting as u64 >= limit { Err(StoreError::QueueFull { waiting: waiting as u64, limit }) } else { Ok(()) }
@@ -303,17 +304,22 @@ impl Store {
     }
 
     /// Since when the job waits that waits for longest, of those that may run, in milliseconds since 1970. One that
-    /// waits for its parts may not.
+    /// waits for its parts may not; where workers share the records, one may that any of them takes, or every one while
+    /// there are no workers at all.
     ///
     /// # Errors
     /// [`StoreError::Unavailable`] and its kin.
     pub async fn oldest_waiting_ms(&self) -> Result<Option<i64>, StoreError> {
         let text = format!(
             "SELECT MIN(CASE WHEN not_before_ms > enqueued_ms THEN not_before_ms ELSE enqueued_ms END) FROM jobs
-             WHERE status = 'enqueued' AND not_before_ms <= ? AND {PARTS_HAVE_ENDED}"
+             WHERE status = 'enqueued' AND not_before_ms <= ?1 AND {PARTS_HAVE_ENDED}{}",
+            fleet::somebody_is_able(self.is_shared())
         );
-        let since = sql::query_scalar(sqlx::AssertSqlSafe(text));
-        Ok(since.bind(self.now_ms()).fetch_one(self.inner.catalog.reader()).await?)
+        let mut since = sql::query_scalar(sqlx::AssertSqlSafe(text)).bind(self.now_ms());
+        if self.is_shared() {
+            since = since.bind(self.heard_since_ms());
+        }
+        Ok(since.fetch_one(self.inner.catalog.reader()).await?)
     }
 
     /// Cancels a job: an enqueued one at once, a running one at its next checkpoint. Asking twice changes nothing.

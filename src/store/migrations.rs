@@ -42,6 +42,7 @@ const POSTGRES: &[(&str, &str)] = &[
     ("0003_fields", include_str!("../../migrations/postgres/0003_fields.sql")),
     ("0004_job_bases", include_str!("../../migrations/postgres/0004_job_bases.sql")),
     ("0005_job_parts", include_str!("../../migrations/postgres/0005_job_parts.sql")),
+    ("0006_identity", include_str!("../../migrations/postgres/0006_identity.sql")),
 ];
 
 /// Makes the tables of a shared database, one process after the other where several start at once.

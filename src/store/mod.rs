@@ -12,10 +12,10 @@
 //! |---|---|
 //! | `database.rs`, `folder.rs`, `in_place.rs` | connections, write transactions, the lock of the folder, free space, files that are replaced |
 //! | `catalog.rs`, `sql.rs` | where the records are, and statements for either database |
-//! | `postgres.rs`, `connections.rs`, `objects.rs`, `object_collection.rs`, `s3.rs` | records and content that many processes share |
+//! | `postgres.rs`, `connections.rs`, `fullness.rs`, `objects.rs`, `object_collection.rs`, `s3.rs` | records and content that many processes share |
 //! | `migrate.rs` | a folder copied there |
 //! | `hearing.rs`, `watch.rs`, `fleet.rs` | what such processes tell each other: of jobs, and of what workers have |
-//! | `pairing.rs` | whether the two databases belong together |
+//! | `pairing.rs`, `object_identity.rs` | whether the two databases, or the database and the object store, belong together |
 //! | `blobs.rs`, `blob_writing.rs`, `orphans.rs` | content in chunks, and what becomes of it when nothing refers to it |
 //! | `backup.rs`, `restore.rs` | copies of a folder in use, and folders made of them |
 //! | `integrity.rs`, `doctor.rs` | whether content is what was stored, and what is done where it is not |
@@ -23,6 +23,7 @@
 //! | `parts.rs`, `part_source.rs` | one job in parts, which are jobs as well; what they made, for who joins it |
 //! | `job_bases.rs` | the bases that a job works on, and that stay for as long |
 //! | `sources.rs`, `collection.rs` | what meshes and problems have in common; several shapes of one job |
+//! | `health.rs` | how the storage feels |
 //! | `last_use.rs`, `retention.rs`, `space.rs` | what is kept, and for how long; room, and how it comes back |
 //! | `columns.rs` | dense bases: written as they are computed, read in chunks |
 //! | `claims.rs`, `leases.rs`, `deaths.rs` | what workers do: claim, heartbeat, complete, fail, release, reap; and what becomes of a job whose process died |
@@ -49,6 +50,9 @@ mod fields;
 mod fleet;
 mod folder;
 #[cfg(feature = "cluster")]
+mod fullness;
+mod health;
+#[cfg(feature = "cluster")]
 mod hearing;
 mod in_place;
 mod integrity;
@@ -62,6 +66,8 @@ mod migrate;
 mod migrations;
 #[cfg(feature = "cluster")]
 mod object_collection;
+#[cfg(feature = "cluster")]
+mod object_identity;
 #[cfg(feature = "cluster")]
 mod objects;
 mod orphans;
@@ -91,10 +97,10 @@ use std::{
     fmt,
     path::PathBuf,
     sync::{
-        Arc,
+        Arc, Mutex,
         atomic::{AtomicI64, AtomicU64, Ordering},
     },
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use quick_cache::{OptionsBuilder, Weighter, sync::Cache};
@@ -133,8 +139,9 @@ pub use watch::JobWatch;
 /// Job events that a slow listener may fall behind by.
 const EVENTS_KEPT: usize = 1024;
 
-/// Where processes share what they have, this is how long its health is waited for.
-const HEALTH_PATIENCE: Duration = Duration::from_secs(3);
+/// An object store that answers nothing is waited for so long at the start.
+#[cfg(feature = "cluster")]
+const START_PATIENCE: Duration = Duration::from_secs(10);
 
 /// Where records and content are that many processes share.
 #[derive(Clone, PartialEq, Eq)]
@@ -234,6 +241,8 @@ struct Inner {
     work: Notify,
     parts: Notify,
     fleet: fleet::Fleet,
+    /// Why a result waited for the storage when it was last tried to be stored, and when that was.
+    delay: Mutex<Option<(Instant, String)>>,
     #[cfg(feature = "cluster")]
     room: shortcuts::Room,
     /// Held for reading from the moment a blob is written or found until something refers to it, and for writing while
@@ -308,10 +317,15 @@ impl Store {
         postgres.set(&options.clock).await?;
         let objects = objects::Objects::open(&places.objects, postgres.clone())?;
         // One that does not answer yet is waited for when it is needed; one that refuses will go on refusing.
-        if let Ok(Err(error @ StoreError::Refused { .. })) =
-            tokio::time::timeout(HEALTH_PATIENCE, objects.reach()).await
-        {
-            return Err(error);
+        match tokio::time::timeout(START_PATIENCE, objects.reach()).await {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) if !error.is_retryable() => return Err(error),
+            Ok(Err(error)) => tracing::warn!(%error, "the object store does not answer yet"),
+            Err(_) => tracing::warn!(
+                objects = objects.name(),
+                "the object store has not answered for {} s",
+                START_PATIENCE.as_secs()
+            ),
         }
         tracing::info!(objects = objects.name(), "records and content are shared with other processes");
         let store = Self::new(options, Catalog::Postgres(postgres), Blobs::Objects(objects), None)?;
@@ -343,6 +357,7 @@ impl Store {
                 work: Notify::new(),
                 parts: Notify::new(),
                 fleet: fleet::Fleet::default(),
+                delay: Mutex::default(),
                 #[cfg(feature = "cluster")]
                 room: shortcuts::Room::default(),
                 blob_use: RwLock::new(()),
@@ -426,72 +441,6 @@ impl Store {
         self.look_for_orphans_in_turn().await?;
         self.give_back().await?;
         self.keep_pair().await
-    }
-
-    /// How the storage feels; tries a small write in both databases.
-    pub async fn health(&self) -> StoreHealth {
-        let now_ms = self.now_ms();
-        let write = async {
-            self.inner.catalog.check_writable(now_ms).await?;
-            match self.inner.blobs.sqlite() {
-                Some(blobs) => blobs.check_writable(now_ms).await,
-                None => Ok(()),
-            }
-        };
-        // Whoever asks wants to know now: what does not answer for seconds is not ready.
-        let silent = |what: &str| StoreError::Unavailable {
-            detail: format!("{what} has not answered for {} s", HEALTH_PATIENCE.as_secs()),
-        };
-        let written = async {
-            if !self.is_shared() {
-                return write.await;
-            }
-            tokio::time::timeout(HEALTH_PATIENCE, write).await.unwrap_or_else(|_| Err(silent("the database")))
-        };
-        let reached = async {
-            tokio::time::timeout(HEALTH_PATIENCE, self.inner.blobs.reach())
-                .await
-                .unwrap_or_else(|_| Err(silent("the object store")))
-        };
-        let (written, reached) = tokio::join!(written, reached);
-        let blob_bytes = if written.is_ok() { self.all_blob_bytes().await.unwrap_or(0) } else { 0 };
-        let space = self.check_space(0);
-        let full = space.is_err() || matches!(written, Err(StoreError::StorageFull { .. }));
-        StoreHealth {
-            moved: matches!(written, Err(StoreError::Moved { .. })),
-            database: if self.is_shared() { "postgresql" } else { "sqlite" },
-            content: self.inner.blobs.kind(),
-            database_up: written.is_ok() || !self.is_shared(),
-            content_up: reached.is_ok(),
-            writable: written.is_ok(),
-            reason: written.and(reached).and(space).err().map(|error| error.to_string()),
-            full,
-            free_bytes: self.free_bytes(),
-            least_free_bytes: self.inner.options.least_free_bytes,
-            wal_bytes: [self.inner.catalog.sqlite(), self.inner.blobs.sqlite()]
-                .into_iter()
-                .flatten()
-                .map(Database::wal_bytes)
-                .sum(),
-            database_bytes: ["meta", "blobs"].map(|name| {
-                let file = self.inner.folder.as_ref().map(|folder| folder.file(&format!("{name}.db")));
-                (name, file.and_then(|file| std::fs::metadata(file).ok()).map_or(0, |file| file.len()))
-            }),
-            blob_bytes,
-        }
-    }
-
-    /// Asks whether what keeps the content lets this process in.
-    ///
-    /// # Errors
-    /// [`StoreError::Refused`] where it does not, [`StoreError::Unavailable`] where it does not answer.
-    pub async fn reach_content(&self) -> Result<(), StoreError> {
-        self.inner.blobs.reach().await
-    }
-
-    /// Whether new content would be accepted, as far as free space goes.
-    pub fn has_space(&self) -> bool {
-        self.check_space(0).is_ok()
     }
 
     /// What the caches did so far.

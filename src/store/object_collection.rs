@@ -66,6 +66,10 @@ impl Objects {
             .bind(DELETED_AT_ONCE)
             .fetch_all(self.records.on())
             .await?;
+        if !rows.is_empty() {
+            // Of an object that is missing elsewhere the row would go, and the object stay.
+            self.meet().await?;
+        }
         let mut deleted = 0;
         for row in rows {
             let (id, object): (i64, String) = (row.try_get("id")?, row.try_get("object")?);

@@ -22,8 +22,9 @@ use uuid::Uuid;
 use super::{
     StoreError,
     blobs::{BlobPlace, CHUNK_BYTES},
+    object_identity::Pair,
     postgres::Postgres,
-    s3::{S3, failure, is_missing, said},
+    s3::{S3, failure, is_missing},
     sql,
 };
 
@@ -46,11 +47,15 @@ pub(super) struct Objects {
     /// What signs addresses, and the folder within its bucket.
     signer: Option<(AmazonS3, String)>,
     pub(super) records: Postgres,
+    /// Whether the two belong together.
+    pub(super) pair: Pair,
+    /// The address, without what it sets.
+    name: String,
 }
 
 impl fmt::Debug for Objects {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "Objects({})", self.store)
+        write!(formatter, "Objects({})", self.name)
     }
 }
 
@@ -92,11 +97,17 @@ impl Objects {
     pub fn open(address: &str, records: Postgres) -> Result<Self, StoreError> {
         let refuse =
             |detail: String| StoreError::Unavailable { detail: format!("the object store {address}: {detail}") };
+        let name = address.split('?').next().unwrap_or_default().to_owned();
+        let pair = Pair::default();
         if let Some(folder) = address.strip_prefix("file://") {
+            // Each process would look for it from where it was started.
+            if !std::path::Path::new(folder).is_absolute() {
+                return Err(refuse(format!("{folder:?} is no folder from the root on: file:///FOLDER")));
+            }
             std::fs::create_dir_all(folder).map_err(|source| StoreError::Folder { path: folder.to_owned(), source })?;
             let local = LocalFileSystem::new_with_prefix(folder).map_err(|error| refuse(error.to_string()))?;
             let store: Arc<dyn ObjectStore> = Arc::new(local.with_fsync(true));
-            return Ok(Self { patient: Arc::clone(&store), store, signer: None, records });
+            return Ok(Self { patient: Arc::clone(&store), store, signer: None, records, pair, name });
         }
         let Some(place) = address.strip_prefix("s3://") else {
             return Err(refuse("the URL must begin with s3:// or file://".to_owned()));
@@ -106,24 +117,12 @@ impl Objects {
             if prefix.is_empty() { Arc::new(store) } else { Arc::new(PrefixStore::new(store, prefix.as_str())) }
         };
         let signer = Some((hasty.clone(), prefix.clone()));
-        Ok(Self { store: within(hasty), patient: within(patient), signer, records })
+        Ok(Self { store: within(hasty), patient: within(patient), signer, records, pair, name })
     }
 
     /// What the store is, in a word.
     pub fn kind(&self) -> &'static str {
         if self.signer.is_some() { "s3" } else { "files" }
-    }
-
-    /// Asks the store for an object that nobody has.
-    pub async fn reach(&self) -> Result<(), StoreError> {
-        // Not its head alone: an answer without a body does not say what is missing.
-        match self.store.get_range(&Path::from("b/nothing"), 0..1).await {
-            Ok(_) => Ok(()),
-            Err(error) if is_missing(&error) => Ok(()),
-            // Who may not list a bucket is told that it may not see an object that is not there.
-            Err(error) if said(&error).contains("AccessDenied") => Ok(()),
-            Err(error) => Err(failure(&error)),
-        }
     }
 
     /// An address of an object that the store honours for minutes; `None` where it cannot be signed.
@@ -134,6 +133,7 @@ impl Objects {
         file_name: &str,
     ) -> Result<Option<String>, StoreError> {
         let Some((signer, prefix)) = &self.signer else { return Ok(None) };
+        self.meet().await?;
         let path = self.path(place.id).await?;
         let path = if prefix.is_empty() { path } else { Path::from(format!("{prefix}/{path}")) };
         let disposition = format!("attachment; filename=\"{file_name}\"");
@@ -205,10 +205,11 @@ impl Objects {
         hashes: &'a [u8],
     ) -> BoxFuture<'a, Result<Result<Bytes, String>, StoreError>> {
         Box::pin(async move {
+            self.meet().await?;
             let bytes = match self.store.get_range(path, range.clone()).await {
                 Ok(bytes) => bytes,
                 Err(error) if is_missing(&error) => return Ok(Err("is missing".to_owned())),
-                Err(error) => return Err(failure(&error)),
+                Err(error) => return Err(self.failed(&error)),
             };
             if bytes.len() as u64 != range.end - range.start {
                 return Ok(Err(format!("has {} of {} bytes", bytes.len(), range.end - range.start)));
@@ -226,10 +227,11 @@ impl Objects {
 
     /// The hash of an object and its bytes, read from beginning to end.
     pub async fn hash(&self, id: i64) -> Result<(String, u64), StoreError> {
+        self.meet().await?;
         let path = self.path(id).await?;
         let missing = |error: object_store::Error| match is_missing(&error) {
             true => StoreError::Corrupt { detail: "its object is missing".to_owned() },
-            false => failure(&error),
+            false => self.failed(&error),
         };
         // In pieces: a request has its time, and an object may take longer.
         let size = self.patient.head(&path).await.map_err(missing)?.size;
@@ -248,10 +250,11 @@ impl Objects {
 
     /// Whether an object is there and has so many bytes. The store has verified each of its parts when it took them.
     pub async fn is_there(&self, place: BlobPlace) -> Result<bool, StoreError> {
+        self.meet().await?;
         match self.store.head(&self.path(place.id).await?).await {
             Ok(found) => Ok(found.size == place.bytes),
             Err(error) if is_missing(&error) => Ok(false),
-            Err(error) => Err(failure(&error)),
+            Err(error) => Err(self.failed(&error)),
         }
     }
 
@@ -283,6 +286,7 @@ impl Objects {
         now_ms: i64,
         even_if_ready: bool,
     ) -> Result<Option<Upload>, StoreError> {
+        self.meet().await?;
         let object = format!("b/{}", Uuid::now_v7());
         let id = sql::query_scalar(
             "INSERT INTO blobs (hash, bytes, chunk_bytes, state, created_ms, touched_ms, object)
@@ -353,7 +357,7 @@ impl Objects {
                     .for_upload(upload.patient)
                     .put_multipart(&upload.path)
                     .await
-                    .map_err(|error| failure(&error))?;
+                    .map_err(|error| self.failed(&error))?;
                 upload.parts.insert(parts)
             }
         };
@@ -385,15 +389,15 @@ impl Objects {
                 // is there.
                 let there = self.for_upload(upload.patient).head(&upload.path).await;
                 if !there.is_ok_and(|found| found.size == bytes) {
-                    return Err(failure(&error));
+                    return Err(self.failed(&error));
                 }
             }
         } else {
             let whole = PutPayload::from_bytes(upload.piece.split().freeze());
-            self.for_upload(upload.patient).put(&upload.path, whole).await.map_err(|error| failure(&error))?;
+            self.for_upload(upload.patient).put(&upload.path, whole).await.map_err(|error| self.failed(&error))?;
         }
         upload.parts = None;
-        let found = self.for_upload(upload.patient).head(&upload.path).await.map_err(|error| failure(&error))?.size;
+        let found = self.for_upload(upload.patient).head(&upload.path).await.map_err(|error| self.failed(&error))?.size;
         if found != bytes {
             return Err(StoreError::Corrupt { detail: format!("the object has {found} of {bytes} bytes") });
         }
@@ -529,8 +533,17 @@ impl Objects {
     }
 
     /// Where the objects are, for people; without keys.
-    pub fn name(&self) -> String {
-        self.store.to_string()
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// What went wrong. Of a store that has not answered it is not known whether it comes back as the same.
+    fn failed(&self, error: &object_store::Error) -> StoreError {
+        let failed = failure(error);
+        if matches!(failed, StoreError::Unavailable { .. }) {
+            self.pair.part();
+        }
+        failed
     }
 }
 

@@ -39,7 +39,12 @@ impl Look {
             );
         }
         if self.deleted > 0 {
-            tracing::info!(blobs = self.deleted, "content that nothing has referred to for an hour is deleted");
+            let what = match bytes {
+                Some(_) => "content that nothing has referred to for an hour is deleted",
+                // Beside that, uploads that were given up and objects that were written twice, which nobody has seen.
+                None => "objects that nothing refers to are deleted",
+            };
+            tracing::info!(blobs = self.deleted, "{what}");
         }
     }
 }

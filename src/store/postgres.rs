@@ -9,17 +9,20 @@ use std::{
 };
 
 use sqlx::{
-    ConnectOptions, Connection,
+    AssertSqlSafe, ConnectOptions, Connection,
     postgres::{PgConnectOptions, PgListener, PgPoolOptions},
 };
 
 use super::{
     Clock, SharedPlaces, StoreError,
     connections::Connections,
+    fullness::Fullness,
     migrations,
     sql::{self, On, Pooler},
 };
 
+/// A database that has room for so many bytes is not full.
+const ROOM_BYTES: usize = 1 << 20;
 /// The oldest version that is tested: `14`.
 const LEAST_VERSION: i32 = 140_000;
 const LEAST_VERSION_TEXT: &str = "14";
@@ -27,7 +30,7 @@ const LEAST_VERSION_TEXT: &str = "14";
 const BEGIN: &str = "BEGIN; SET LOCAL idle_in_transaction_session_timeout = 10000; SET LOCAL lock_timeout = 15000";
 
 /// A transaction that changes something.
-pub(super) struct PostgresTransaction(sqlx::Transaction<'static, sqlx::Postgres>, Pooler);
+pub(super) struct PostgresTransaction(sqlx::Transaction<'static, sqlx::Postgres>, Pooler, Arc<Fullness>);
 
 /// The database; cheap to clone.
 #[derive(Clone)]
@@ -50,6 +53,12 @@ impl Postgres {
     /// is waited for, as one is that is being started; one that refuses is not.
     pub async fn open(places: &SharedPlaces, most: u32, busy_timeout: Duration) -> Result<Self, StoreError> {
         let options = |address: &str| {
+            if let Some((scheme, _)) = address.split_once("://")
+                && !["postgres", "postgresql"].contains(&scheme)
+            {
+                let detail = format!("{scheme}:// is no PostgreSQL: --database postgres://USER:PASSWORD@HOST/DATABASE");
+                return Err(StoreError::Unavailable { detail });
+            }
             PgConnectOptions::from_str(address)
                 .map(|options| options.application_name("chladni").disable_statement_logging())
                 .map_err(|error| StoreError::Unavailable { detail: format!("the address of the database: {error}") })
@@ -116,6 +125,11 @@ impl Postgres {
         Ok(Self { connections: Connections::new(pool), pooler, direct: Arc::new(direct.clone()) })
     }
 
+    /// Where it is, for people; without a password.
+    pub fn name(&self) -> String {
+        format!("{} at {}", self.direct.get_database().unwrap_or("of no name"), self.direct.get_host())
+    }
+
     /// For statements that are a transaction by themselves.
     pub fn on(&self) -> On<'_> {
         On::PostgresPool(&self.connections, self.pooler)
@@ -124,13 +138,40 @@ impl Postgres {
     /// Begins a transaction. It sees what others have committed before each of its statements; what must not change
     /// meanwhile is locked.
     pub async fn write(&self) -> Result<PostgresTransaction, StoreError> {
-        Ok(PostgresTransaction(self.connections.begin(BEGIN).await?, self.pooler))
+        let begun = self.connections.begin(BEGIN).await?;
+        Ok(PostgresTransaction(begun, self.pooler, Arc::clone(self.connections.fullness())))
     }
 
-    /// Commits a transaction that changes one row.
+    /// Commits a transaction that changes one row; where the disk was full lately, looks whether it still is.
     pub async fn check_writable(&self, now_ms: i64) -> Result<(), StoreError> {
+        if self.connections.fullness().is_full() {
+            match self.try_room().await {
+                Err(error @ StoreError::StorageFull { .. }) => return Err(error),
+                Err(error) => tracing::warn!(%error, "whether the database has room again cannot be told"),
+                Ok(()) => {}
+            }
+            self.connections.fullness().clear();
+        }
         sql::query("UPDATE health SET checked_ms = ? WHERE id = 1").bind(now_ms).execute(self.on()).await?;
         Ok(())
+    }
+
+    /// Writes so much that room has to be found for it, and takes it back: a table of its own has no free pages.
+    async fn try_room(&self) -> Result<(), StoreError> {
+        let table = format!("chladni_room_{}", uuid::Uuid::now_v7().simple());
+        let mut transaction = self.write().await?;
+        // Not compressed.
+        for text in [
+            format!("CREATE TABLE {table} (bytes BYTEA)"),
+            format!("ALTER TABLE {table} ALTER COLUMN bytes SET STORAGE EXTERNAL"),
+        ] {
+            sql::query(AssertSqlSafe(text)).execute(transaction.on()).await?;
+        }
+        sql::query(AssertSqlSafe(format!("INSERT INTO {table} (bytes) VALUES (?)")))
+            .bind(vec![0; ROOM_BYTES])
+            .execute(transaction.on())
+            .await?;
+        Ok(transaction.rollback().await?)
     }
 
     /// Sets a clock by that of the database, to half of the time that asking takes.
@@ -160,11 +201,12 @@ impl Postgres {
 impl PostgresTransaction {
     /// For statements of this transaction.
     pub fn on(&mut self) -> On<'_> {
-        On::Postgres(&mut self.0, self.1)
+        On::Postgres(&mut self.0, self.1, &self.2)
     }
 
     pub async fn commit(self) -> Result<(), sqlx::Error> {
-        self.0.commit().await
+        let Self(transaction, _, fullness) = self;
+        transaction.commit().await.inspect_err(|error| fullness.note(error))
     }
 
     pub async fn rollback(self) -> Result<(), sqlx::Error> {

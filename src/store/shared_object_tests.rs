@@ -42,7 +42,10 @@ pub(super) async fn damaged_objects() {
     assert!(matches!(store.load_mesh(&record.id).await, Err(StoreError::Damaged { .. })));
     let whole = 0..record.bytes;
     assert!(matches!(store.blob_bytes(&record.content_hash, whole.clone()).await, Err(StoreError::Damaged { .. })));
+    // No client is sent to where damaged content lies.
+    assert!(matches!(store.refuse_damaged(&record.content_hash).await, Err(StoreError::Damaged { .. })));
     assert!(!store.add_mesh(new.clone()).await.unwrap().created);
+    store.refuse_damaged(&record.content_hash).await.unwrap();
     assert_eq!(store.load_mesh(&record.id).await.unwrap(), new.mesh);
     damage_all(objects, |_| None).await;
     assert!(matches!(store.blob_bytes(&record.content_hash, whole).await, Err(StoreError::Damaged { .. })));
@@ -75,7 +78,8 @@ pub(super) async fn an_hour() {
     assert_eq!(one.look_for_orphans().await.unwrap().deleted, 1);
     assert!(matches!(one.blob_length(&hash).await, Err(StoreError::NotFound { .. })));
     let Blobs::Objects(objects) = &two.inner.blobs else { panic!("the content is shared") };
-    assert_eq!(objects.store.list(None).count().await, 1, "the object of the mesh");
+    let content = objects.store.list(Some(&Path::from("b")));
+    assert_eq!(content.count().await, 1, "the object of the mesh");
     assert_eq!(*two.load_mesh(&kept.id).await.unwrap(), *mesh(1, 9).mesh);
 }
 

@@ -15,6 +15,10 @@ mod server;
 #[path = "shared_object_tests.rs"]
 mod objects_elsewhere;
 
+#[cfg(test)]
+#[path = "shared_trouble_tests.rs"]
+mod trouble;
+
 /// Where the stores of a test share what they have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Sharing {
@@ -84,6 +88,7 @@ mod over_s3 {
         a_store_that_is_away_is_told_and_a_result_waits_for_it: objects_elsewhere::away,
         who_is_refused_is_told_at_once: objects_elsewhere::refused,
         a_result_survives_a_database_that_goes_away_before_it_is_seen: objects_elsewhere::database_away,
+        a_store_of_another_database_is_refused: trouble::strangers,
         completing_twice_is_completing_once: objects_elsewhere::completing_twice,
     );
 }

@@ -147,8 +147,10 @@ impl Store {
         let waiting: i64 = sql::query_scalar("SELECT COUNT(*) FROM jobs WHERE status = 'enqueued'")
             .fetch_one(self.inner.catalog.reader())
             .await?;
-        self.inner.room.note(now_ms, limit.saturating_sub(waiting as u64) / PARTS_OF_ROOM);
-        Ok((waiting as u64) < limit)
+        let left = limit.saturating_sub(waiting as u64) / PARTS_OF_ROOM;
+        self.inner.room.note(now_ms, left);
+        // The last places are given by a transaction, one after the other.
+        Ok(self.inner.room.take(now_ms))
     }
 
     /// Marks the job of a lease as succeeded and writes its result down, where the lease holds, nobody has asked the

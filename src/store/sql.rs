@@ -12,7 +12,7 @@ use sqlx::{AssertSqlSafe, ColumnIndex, SqlSafeStr, SqlStr, SqliteConnection, Sql
 use sqlx::{PgConnection, postgres::PgRow};
 
 #[cfg(feature = "cluster")]
-use super::connections::Connections;
+use super::{connections::Connections, fullness::Fullness};
 
 /// Where a statement runs.
 pub(super) enum On<'c> {
@@ -22,7 +22,7 @@ pub(super) enum On<'c> {
     SqliteReader(&'c SqlitePool),
     /// Within a transaction of PostgreSQL.
     #[cfg(feature = "cluster")]
-    Postgres(&'c mut PgConnection, Pooler),
+    Postgres(&'c mut PgConnection, Pooler, &'c Fullness),
     /// On any connection of PostgreSQL, in a transaction of its own.
     #[cfg(feature = "cluster")]
     PostgresPool(&'c Connections, Pooler),
@@ -129,22 +129,25 @@ macro_rules! dispatch {
             On::Sqlite(on) => run!(text, values, $method, on).map($sqlite),
             On::SqliteReader(on) => run!(text, values, $method, on).map($sqlite),
             #[cfg(feature = "cluster")]
-            On::Postgres(on, pooler) => {
+            On::Postgres(on, pooler, fullness) => {
                 let text = AssertSqlSafe(numbered(text.as_str()));
-                run!(text, values, $method, on, pooler == Pooler::Absent).map($postgres)
+                let answer = run!(text, values, $method, on, pooler == Pooler::Absent);
+                answer.inspect_err(|error| fullness.note(error)).map($postgres)
             }
             #[cfg(feature = "cluster")]
             On::PostgresPool(on, Pooler::Absent) => {
                 let text = AssertSqlSafe(numbered(text.as_str()));
                 // In a place of its own: whoever waits for a statement would be as large as all that it may do.
-                Box::pin(on.run(async |connection| run!(text, values, $method, connection))).await.map($postgres)
+                let answer = Box::pin(on.run(async |connection| run!(text, values, $method, connection))).await;
+                answer.inspect_err(|error| on.fullness().note(error)).map($postgres)
             }
             #[cfg(feature = "cluster")]
             On::PostgresPool(on, Pooler::ByTransaction) => {
                 Box::pin(async move {
-                    let mut transaction = on.pool().begin().await?;
+                    let mut transaction = on.begin_asked().await?;
                     let text = AssertSqlSafe(numbered(text.as_str()));
-                    let answer = run!(text, values, $method, &mut *transaction, false)?;
+                    let answer = run!(text, values, $method, &mut *transaction, false);
+                    let answer = answer.inspect_err(|error| on.fullness().note(error))?;
                     transaction.commit().await?;
                     Ok(answer).map($postgres)
                 })
