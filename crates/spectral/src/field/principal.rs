@@ -6,6 +6,7 @@ use crate::operator::curvature::curvatures;
 use crate::operator::frames::{Planar, power};
 
 use super::basis::FieldSurface;
+use super::drawing::outward;
 use super::reading::{tensor_deviator, tensor_in_frame};
 
 /// The shape operator in every face, `3F` numbers `(a₁₁, a₂₂, √2 a₁₂)` in the frames, in 1/length of the input: the
@@ -73,19 +74,20 @@ pub struct Strand {
 
 /// A combed coat: one strand per face, that leans towards a vector field of two numbers per face by at most `tilt`
 /// radians, which it reaches where the field is as long as `full` or longer. `None` unless the field fits and the
-/// numbers are finite.
+/// numbers are finite. Closed surfaces that are inside out have it on their outside too.
 pub fn fur(surface: &FieldSurface, field: &[f32], length: f64, tilt: f64, full: f64) -> Option<Vec<Strand>> {
     let sound = length.is_finite() && tilt.is_finite() && full > 0.0;
     if field.len() != 2 * surface.faces() || !sound {
         return None;
     }
     let (mesh, frames) = (surface.mesh(), surface.frames());
+    let outwards = outward(surface);
     let strands = field.chunks_exact(2).enumerate().map(|(f, u)| {
         let [x, y] = [f64::from(u[0]), f64::from(u[1])];
         let size = x.hypot(y);
         let (sine, cosine) = (tilt * (size / full).min(1.0)).sin_cos();
         let along = if size > 0.0 { frames.to_world(f, [x / size, y / size]) } else { [0.0; 3] };
-        let normal = frames.normal(f);
+        let normal = frames.normal(f).map(|x| outwards[f] * x);
         let root = [0, 1, 2].map(|i| mesh.faces[f].iter().map(|&v| mesh.positions[v as usize][i]).sum::<f64>() / 3.0);
         Strand { root, tip: [0, 1, 2].map(|i| length * (cosine * normal[i] + sine * along[i])) }
     });

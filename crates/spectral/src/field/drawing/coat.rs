@@ -8,7 +8,8 @@ use chladni_base::{Cancelled, Monitor, SplitMix64};
 use crate::operator::frames::{cross, dot, unit_vector};
 
 use super::super::basis::FieldSurface;
-use super::light::{blend, corner_normals};
+use super::light::blend;
+use super::outward::outward_normals;
 
 /// Points that a strand has at most.
 pub const MOST_STRAND_POINTS: usize = 32;
@@ -92,7 +93,7 @@ pub fn grow(
     }
     monitor.stage("fur");
     let vectors = at_vertices(surface, field);
-    let normals = corner_normals(surface.mesh());
+    let normals = outward_normals(surface);
     let grower = Grower { surface, vectors, normals, lengths, p, down: unit_vector(p.down) };
     let mut coat = Coat { points: p.points, ..Coat::default() };
     let mut random = SplitMix64::new(p.seed);

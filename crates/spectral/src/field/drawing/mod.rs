@@ -5,6 +5,7 @@
 //! | `camera` | where a picture is seen from |
 //! | `screen` | depth and face of the surface at every pixel, and what hides what |
 //! | `light` | normals, brightness and shadows |
+//! | `outward` | which side of a surface is its outside |
 //! | `outline` | silhouettes, creases and boundaries as chains of pieces |
 //! | `hatching` | which parts of lines are drawn, and how wide |
 //! | `ink` | strokes as SVG and as pixels |
@@ -20,6 +21,7 @@ mod hatching;
 mod ink;
 mod light;
 mod outline;
+mod outward;
 mod png;
 mod screen;
 mod strand;
@@ -30,3 +32,4 @@ pub use coat::{Coat, CoatParameters, MOST_POINTS, MOST_STRAND_POINTS, grow};
 pub use hair::{HairStyle, MOST_PAINTED, paint};
 pub use hatching::{HatchedLines, HatchingStyle, Tone, hatch};
 pub use ink::Drawing;
+pub(super) use outward::outward;
