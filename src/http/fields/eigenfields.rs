@@ -69,9 +69,10 @@ problems!(GetEigenfieldsProblems: SOLVE BODY [INVALID_RANGE_OF_MODES, INVALID_DE
 ///
 /// The lowest fields of the Laplacian of the basis, restricted to its space, of unit norm on the surface of unit area.
 /// Their eigenvalues, in `Chladni-Eigenvalues` (of up to 256 fields), are `eigenvalues` of the basis: exact ones lie
-/// below them, by about `certificate.estimates`. With `refine` they are corrected by multigrid among all fields of the
+/// below them, by about what `Chladni-Estimates` says, `certificate.estimates` of the basis, where all of the fields
+/// were judged. With `refine` they are corrected by multigrid among all fields of the
 /// surface, at most the lowest 256: the fields and their eigenvalues are then those of the surface, to a tolerance, and
-/// `Chladni-Estimates` says by about how much each value still lies above the exact one. By `Accept`:
+/// the estimates are those of what is left. By `Accept`:
 /// `application/x-npy` (the default), an array of fields × faces × numbers for `numpy.load`;
 /// `application/octet-stream`, the same little-endian f32 without a header.
 #[utoipa::path(
@@ -135,7 +136,11 @@ async fn eigenfields(
                 let field = loaded.lift(&model.eigenfield(k))?;
                 written(&loaded, &mut bytes, field);
             }
-            Ok(answer(bytes, &mut model.values()[from..to].iter().copied()))
+            let told = answer(bytes, &mut model.values()[from..to].iter().copied());
+            Ok(match estimates(&loaded.fields.metadata, from..to) {
+                Some(estimates) => told.with("chladni-estimates", estimates),
+                None => told,
+            })
         };
         return state.solve("eigenfields", lift).await;
     };
@@ -163,6 +168,14 @@ async fn eigenfields(
             .with("chladni-estimates", listed(&mut own.iter().map(|own| own.left), area)))
     };
     state.solve("eigenfields", correct).await
+}
+
+/// How far the values of some fields of the space lie above the exact ones, in 1/length² of the mesh, where all of them
+/// were judged when the basis was made.
+fn estimates(metadata: &serde_json::Value, range: std::ops::Range<usize>) -> Option<String> {
+    let judged = metadata["certificate"]["estimates"].as_array()?.get(range)?;
+    let numbers: Option<Vec<String>> = judged.iter().map(|one| one.as_f64().map(|one| one.to_string())).collect();
+    Some(numbers?.join(", "))
 }
 
 /// Values on unit area in 1/length² of the mesh, as a header has them.
