@@ -50,6 +50,27 @@ pub struct Matching {
     pub turns: i32,
 }
 
+/// The matching of a field whose representation is a power of another one's, with the matching of that: what turns by
+/// more than half a turn between two faces turns by several times that in the power. `None` unless both fit.
+pub fn matching_of_power(
+    surface: &FieldSurface,
+    (kind, field, matching): (FieldKind, &[f32], &[Matching]),
+    (power, raised): (FieldKind, &[f32]),
+) -> Option<Vec<Matching>> {
+    let mut angles = least_angles(surface, kind, field)?;
+    for matched in matching {
+        *angles.get_mut(matched.edge as usize)? += std::f64::consts::TAU * f64::from(matched.turns);
+    }
+    let times = f64::from(power.order()) / f64::from(kind.order());
+    let least = least_angles(surface, power, raised)?;
+    let edges = surface.dual().edge_faces().iter().zip(angles.iter().zip(&least)).enumerate();
+    let matched = edges.filter_map(|(edge, (&faces, (angle, least)))| {
+        let turns = ((times * angle - least) / std::f64::consts::TAU).round() as i32;
+        (turns != 0).then_some(Matching { edge: edge as u32, faces, turns })
+    });
+    Some(matched.collect())
+}
+
 /// The singular vertices of a field whose faces are matched: without a matching, a turn of more than 180° is read as
 /// the smaller one the other way round.
 pub fn matched_singularities(
