@@ -466,10 +466,10 @@ fn the_firm_weight_meets_prescribed_singularities_in_spaces_of_all_dimensions() 
                 let found: Vec<_> = found.iter().map(|s| at(s.vertex, s.numerator)).collect();
                 assert!(prescribed.iter().all(|p| found.contains(p)), "{n} {dimension}: {found:?}");
             }
-            // A space without eigenpairs measures the same.
+            // A space without eigenpairs measures the same; those are kept in single precision.
             let sparse = DesignModel::sparse(&r.basis).prescription(&r.basis, &r.surface, field).unwrap();
             let [a, b] = [&sparse, &*prescription].map(|p| p.firm(EnergyWeights::default()));
-            assert!((a / b - 1.0).abs() < 1e-3, "{a} {b}");
+            assert!((a / b - 1.0).abs() < 0.02, "{a} {b}");
         }
     }
 }

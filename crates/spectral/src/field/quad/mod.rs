@@ -53,7 +53,7 @@ pub const MOST_ROUNDED: usize = 4096;
 fn remedy(held: bool) -> &'static str {
     match held {
         true => {
-            "all faces around it lie at creases or boundaries, whose directions leave no other. Take a mesh with a ring of vertices between, or creases of a larger angle that leave these out"
+            "all faces around it lie at creases or boundaries, whose directions leave no other. Take a mesh with a ring of vertices between, creases of a larger angle that leave these out, or a field whose singular vertices are prescribed, of a basis of 4-vectors"
         }
         false => {
             "give directions on faces around it that have less, or a field whose singular vertices are prescribed, of a basis of 4-vectors"
