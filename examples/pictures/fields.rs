@@ -13,7 +13,6 @@ use chladni_spectral::field::{
     Camera, HatchedLines, HatchingParameters, HatchingStyle, Streamline, curvature_tensors, hatch,
     principal_directions, streamlines, tensor_deviator,
 };
-use chladni_spectral::operator::frames::parts;
 use chladni_work::JobParameters;
 use chladni_work::design::{DesignRequest, FurRequest, HatchingRequest, QuadsRequest, Setting, Surface};
 use serde_json::{Value, json};
@@ -210,12 +209,13 @@ fn smoothed(mesh: &TriangleMesh) -> Result<(), Failure> {
     let setting = basis(mesh, json!({"dimension": 1500, "field": "tensor"}))?;
     let eye = camera(mesh, [0.4, 1.0, 0.5], 440, 380);
     let raw = curvature_tensors(&setting.surface.surface)?;
-    let raw = principal_directions(&raw, 2).ok_or("no directions")?.target;
+    let raw = principal_directions(&raw, 2)?.target;
     let request: DesignRequest = serde_json::from_value(json!({
         "weights": {"harmonic": 0.01, "biharmonic": 0.0001}, "alignment": {"to": "curvature", "weight": 1.0}
     }))?;
     let tensors = setting.lifted(&setting.design(&request, &Unwatched)?)?;
-    let smooth = tensors.chunks_exact(3).flat_map(|t| parts(tensor_deviator([t[0], t[1], t[2]].map(f64::from))));
+    let deviator = |t: &[f32]| tensor_deviator([t[0], t[1], t[2]].map(f64::from));
+    let smooth = tensors.chunks_exact(3).map(deviator).flat_map(|z| [z.re, z.im]);
     let fields: [Vec<f32>; 2] = [raw.iter().map(|&x| x as f32).collect(), smooth.map(|x| x as f32).collect()];
     let mut plates = Vec::new();
     for field in fields {
@@ -248,7 +248,7 @@ fn quads(name: &str, mesh: &TriangleMesh, creases: f64, share: f64, from: [f64; 
     let colour = |face: usize, weights: [f64; 3]| {
         let z = own.coordinates[face];
         let off = |axis: usize| {
-            let x = (0..3).map(|k| weights[k] * parts(z[k])[axis]).sum::<f64>();
+            let x = (0..3).map(|k| weights[k] * [z[k].re, z[k].im][axis]).sum::<f64>();
             (x - x.round()).abs()
         };
         if off(0).min(off(1)) < 0.06 { [0.16, 0.25, 0.45] } else { CLAY }

@@ -11,7 +11,7 @@ use chladni_base::Unwatched;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::write::{PlyPrecision, SurfaceFormat};
 use chladni_spectral::analysis::filter::{Transfer, filter};
-use chladni_work::design::{DesignRequest, Form, written, written_at};
+use chladni_work::design::{DesignRequest, Form, MatchedFaces, written, written_at};
 use chladni_work::distances::{DistanceFault, DistanceRequest, Distances, MeshDistances};
 use chladni_work::projection::coordinates;
 use chladni_work::table::Table;
@@ -99,7 +99,8 @@ pub struct DesignArguments {
     form: Form,
 
     /// Write the field, a row for each face, to this file, .npy or .csv; without it the coefficients and energies are
-    /// printed as JSON. With "faces" in the request, the face of each row is printed as JSON
+    /// printed as JSON. With "faces" in the request, the face of each row is printed as JSON, and with exact
+    /// singularities the pairs of faces between which the field turns by more than half a turn, if there are any
     #[arg(long, short = 'o', value_name = "FILE")]
     output: Option<PathBuf>,
 }
@@ -246,6 +247,7 @@ pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
         request.faces.as_ref().map(|wanted| setting.faces(wanted, &Unwatched)).transpose().map_err(refused)?;
     let file_faces = |faces: &Vec<u32>| faces.iter().map(|&face| to.file_face(face)).collect::<Vec<_>>();
     let field_faces = sampled.as_ref().map(file_faces);
+    let matching = designed.exact.as_ref().map(|exact| MatchedFaces::told(&exact.matching, &to));
     let Some((format, file)) = output else {
         let space = if designed.refined.is_some() { "surface" } else { "basis" };
         let design = designed.design;
@@ -259,6 +261,7 @@ pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
             "space": space,
             "error": designed.error,
             "field_faces": field_faces,
+            "matching": matching,
         }));
     };
     let (kind, surface) = (setting.kind(), &setting.surface.surface);
@@ -274,9 +277,12 @@ pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
         }
     };
     file.write(|out| format.write(&numbers, columns, out))?;
-    match field_faces {
-        Some(faces) => print(&json!({ "field_faces": faces })),
-        None => Ok(ExitCode::SUCCESS),
+    // What the numbers of the file alone do not tell.
+    match (field_faces, matching.filter(|matching| !matching.is_empty())) {
+        (None, None) => Ok(ExitCode::SUCCESS),
+        (Some(faces), None) => print(&json!({ "field_faces": faces })),
+        (None, Some(matching)) => print(&json!({ "matching": matching })),
+        (Some(faces), Some(matching)) => print(&json!({ "field_faces": faces, "matching": matching })),
     }
 }
 

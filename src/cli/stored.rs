@@ -13,7 +13,7 @@ use chladni_spectral::basis::family::FamilyBasis;
 use chladni_spectral::basis::modal::ModalBasis;
 use chladni_spectral::basis::{Basis, MAP_COLLECTION, ProductKind, ProvenanceError, StoredFields};
 use chladni_spectral::formats::{FormatError, npz};
-use chladni_work::design::{DesignFault, Setting, Surface};
+use chladni_work::design::{DesignFault, Setting, Surface, check_own_surface};
 use chladni_work::own_mesh::{StrangeMesh, check_own_mesh};
 
 use super::input::MeshOptions;
@@ -89,6 +89,7 @@ impl Stored {
         let checked = self.input.load_body()?.surface;
         let to = self.numbered.translation(Arc::new(checked.numbering));
         let surface = Surface::new(&checked.mesh).map_err(refused)?;
+        check_own_surface(&fields.basis, &surface.surface).map_err(|error| CliError::mesh(&self.basis, error))?;
         Ok((Setting::new(Arc::new(fields), Arc::new(surface)).map_err(refused)?, to))
     }
 

@@ -9,7 +9,7 @@ use super::middleware::REQUEST_ID;
 const REMEMBERED: std::time::Duration = std::time::Duration::from_secs(3600);
 
 /// The headers of ours that answers have. A browser shows a page of another origin only those that are exposed.
-const OWN: [&str; 19] = [
+const OWN: [&str; 20] = [
     "chladni-columns",
     "chladni-covered",
     "chladni-dtype",
@@ -19,6 +19,7 @@ const OWN: [&str; 19] = [
     "chladni-estimates",
     "chladni-form",
     "chladni-lines",
+    "chladni-matching",
     "chladni-modes",
     "chladni-modes-too-high",
     "chladni-outcome",

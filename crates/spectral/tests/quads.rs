@@ -512,3 +512,39 @@ fn zeros_of_order_four_in_regular_caps_are_split() {
     }
     assert!(failed.is_empty(), "{failed:#?}");
 }
+
+#[test]
+fn where_no_quads_can_meet_the_vertex_is_named_with_what_helps() {
+    // A fan whose faces all lie at the rim: nothing is free around its middle.
+    let fans = turned(40, &along(10, |t| [1.0, 4.0 * t]), true);
+    let surface = FieldSurface::new(fans).unwrap();
+    let refused = CrossField::aligned(&surface, &CrossParameters::default(), &Unwatched).unwrap_err();
+    assert!(matches!(refused, QuadError::Zero { held: true, .. }), "{refused}");
+    let told = refused.to_string();
+    assert!(told.contains("a ring of vertices between") && told.contains("creases of a larger angle"), "{told}");
+    // Both ways that are named lead on.
+    let ring = [[0.5, 0.0], [1.0, 0.0], [1.0, 1.0], [1.0, 2.0], [0.5, 2.0]];
+    let surface = FieldSurface::new(turned(40, &ring, true)).unwrap();
+    assert!(CrossField::aligned(&surface, &CrossParameters::default(), &Unwatched).is_ok());
+    let surface = FieldSurface::new(turned(40, &along(10, |t| [1.0, 4.0 * t]), true)).unwrap();
+    let none = CrossParameters { creases: None, ..CrossParameters::default() };
+    assert!(CrossField::aligned(&surface, &none, &Unwatched).is_ok());
+}
+
+#[test]
+fn no_field_has_a_tip_around_which_no_quads_can_meet() {
+    let sphere = generate(Shape::Sphere, 642).unwrap();
+    for stretch in [1.0, 10.0, 30.0, 100.0, 300.0, 1000.0] {
+        let positions = sphere.positions.iter().map(|p| [p[0], p[1], stretch * p[2]]).collect();
+        let mesh = TriangleMesh { positions, faces: sphere.faces.clone(), ..Default::default() };
+        let surface = FieldSurface::new(mesh).unwrap();
+        match CrossField::aligned(&surface, &CrossParameters::default(), &Unwatched) {
+            Ok(cross) => {
+                let combed = comb(&surface, &cross.field, &[]).unwrap();
+                assert!(combed.singularities.iter().all(|s| s.numerator < 4), "{stretch}: {:?}", combed.singularities);
+            }
+            Err(QuadError::Zero { index, .. }) => assert!(index >= 1.0 && stretch > 10.0, "{stretch}"),
+            Err(other) => panic!("{stretch}: {other}"),
+        }
+    }
+}

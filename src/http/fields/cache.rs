@@ -53,8 +53,12 @@ pub async fn stored(state: &ClientState, record: &FieldRecord) -> Result<Arc<Kep
     let make = async {
         let values = state.store.load_field(record).await?;
         let kind = serde_json::from_value(record.design["field"].clone()).map_err(Problem::internal)?;
-        let bytes = 4 * values.len() as u64;
-        Ok((KeptField { kind, columns: record.width as usize, values }, bytes))
+        let matching = match record.design.get("matching").filter(|matching| !matching.is_null()) {
+            Some(matching) => Some(Arc::new(serde_json::from_value(matching.clone()).map_err(Problem::internal)?)),
+            None => None,
+        };
+        let bytes = 4 * values.len() as u64 + matching.as_ref().map_or(0, |own: &Arc<Vec<_>>| 12 * own.len() as u64);
+        Ok((KeptField { kind, columns: record.width as usize, values, matching }, bytes))
     };
     state.fields.get(&state.turn, format!("stored {}", record.id), make).await
 }

@@ -67,9 +67,10 @@ problems!(GetEigenfieldsProblems: SOLVE BODY [INVALID_RANGE_OF_MODES, INVALID_DE
 ///
 /// The lowest fields of the Laplacian of the basis, restricted to its space, of unit norm on the surface of unit area.
 /// Their eigenvalues, in `Chladni-Eigenvalues` (of up to 256 fields), are `eigenvalues` of the basis: exact ones lie
-/// below them, by about `certificate.estimates`. With `refine` they are corrected by multigrid among all fields of the
+/// below them, by about what `Chladni-Estimates` says, `certificate.estimates` of the basis, where all of the fields
+/// were judged. With `refine` they are corrected by multigrid among all fields of the
 /// surface, at most the lowest 256: the fields and their eigenvalues are then those of the surface, to a tolerance, and
-/// `Chladni-Estimates` says by about how much each value still lies above the exact one. By `Accept`:
+/// the estimates are those of what is left. By `Accept`:
 /// `application/x-npy` (the default), an array of fields × faces × numbers for `numpy.load`;
 /// `application/octet-stream`, the same little-endian f32 without a header.
 #[utoipa::path(
@@ -146,9 +147,24 @@ async fn eigenfields(
         if wanted.count() <= MOST_REFINED {
             answer = answer.with("chladni-eigenvalues", listed(&values, area));
         }
-        Ok(if refined.is_some() { answer.with("chladni-estimates", listed(&above, area)) } else { answer })
+        let estimates = match refined {
+            Some(_) => Some(listed(&above, area)),
+            None => estimates(loaded.fields.metadata.json(), wanted.range()),
+        };
+        Ok(match estimates {
+            Some(estimates) => answer.with("chladni-estimates", estimates),
+            None => answer,
+        })
     };
     state.solve("eigenfields", give).await
+}
+
+/// How far the values of some fields of the space lie above the exact ones, in 1/length² of the mesh, where all of them
+/// were judged when the basis was made.
+fn estimates(metadata: &serde_json::Value, range: std::ops::Range<usize>) -> Option<String> {
+    let judged = metadata["certificate"]["estimates"].as_array()?.get(range)?;
+    let numbers: Option<Vec<String>> = judged.iter().map(|one| one.as_f64().map(|one| one.to_string())).collect();
+    Some(numbers?.join(", "))
 }
 
 /// Values on unit area in 1/length² of the mesh, as a header has them.

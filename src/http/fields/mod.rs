@@ -114,6 +114,7 @@ impl From<RefineError> for Problem {
             | RefineError::Prescribed
             | RefineError::Weights { .. }
             | RefineError::Incomplete
+            | RefineError::Unbounded { .. }
             | RefineError::NotConverged { .. } => Self::within(&problem::INVALID_DESIGN, "refine", text),
         }
     }

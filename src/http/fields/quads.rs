@@ -7,7 +7,7 @@ use axum::body::Body;
 use axum::http::HeaderMap;
 use chladni_algebra::FactorError;
 use chladni_base::Monitor;
-use chladni_spectral::field::quad::{QuadError, VertexOrder, crosses_of};
+use chladni_spectral::field::quad::{QuadError, VertexOrder};
 use chladni_work::design::{
     BasisField, CrossSource, Crosses, DesignFault, Quads, QuadsAnswer, QuadsFormat, QuadsRequest,
 };
@@ -176,15 +176,16 @@ async fn of_basis(
     let mut field = wanted.field.clone();
     let to = numbered.on_basis(state, id, &loaded.fields.metadata).await?;
     field.translate(&to, loaded.kind(), loaded.vertices())?;
-    let lifted = solve::lifted(state, &loaded, &field).await?;
-    let crosses = crosses_of(loaded.kind(), &lifted).ok_or_else(|| {
+    let lifted = solve::lifted_with_matching(state, &loaded, &field).await?;
+    let crosses = move |_: &dyn Monitor| Ok(lifted.crosses(&loaded.surface.surface));
+    let crosses = state.solve("cross", crosses).await?.map_err(|misfit| refused("id", misfit.to_string()))?;
+    crosses.ok_or_else(|| {
         refused(
             "id",
             "the fields of the basis do not define crosses: it must be of vectors, n-vectors with n 1, 2 or 4, or tensors"
                 .to_owned(),
         )
-    })?;
-    Ok(Crosses { field: crosses, error: None })
+    })
 }
 
 /// What is not computed in time.

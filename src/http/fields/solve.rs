@@ -7,8 +7,8 @@ use chladni_base::{Monitor, Unwatched};
 use chladni_spectral::basis::ProductKind;
 use chladni_spectral::field::{DesignModel, FullSpace};
 use chladni_work::design::{
-    AlignmentRequest, DesignRequest, Designed, FacesRequest, FieldSource, FieldTable, Goal, KeptFields, NamedTarget,
-    NamedWeights, PerFace, Setting, Target, numerators,
+    AlignmentRequest, DesignRequest, Designed, FacesRequest, FieldSource, FieldTable, Goal, KeptFields, Lifted,
+    NamedTarget, NamedWeights, PerFace, Setting, Target, numerators,
 };
 use futures_util::future::BoxFuture;
 use uuid::Uuid;
@@ -92,8 +92,7 @@ pub fn design_with<'a>(
         let (key, goal, per_face) = goal(state, loaded, &model, request).await?;
         let exact = goal.exact(request);
         let weighted = if per_face || full || loaded.fields.ritz.is_none() {
-            let shares =
-                [goal.alignment.as_ref().map_or(0.0, |a| a.1), goal.prescription.as_ref().map_or(0.0, |p| p.1)];
+            let shares = (goal.alignment.as_ref().map(|a| a.1), goal.prescription.as_ref().map(|p| p.1));
             let key = format!("{key} {:?} {:?} {full} {shares:?}", weights.harmonic, weights.bending());
             let own = loaded.clone();
             let make = move |_: &dyn Monitor| {
@@ -177,20 +176,49 @@ pub async fn faces(state: &ClientState, loaded: &LoadedBasis, wanted: &FacesRequ
 /// # Errors
 /// Those of [`design`].
 pub async fn lifted(state: &ClientState, loaded: &LoadedBasis, source: &FieldSource) -> Result<Vec<f32>, Problem> {
-    let own = loaded.clone();
-    if let FieldSource::Design(request) = source {
-        request.of_all_faces("field.design")?;
-        let designed = design_with(state, loaded, request, false).await?;
-        return state.solve("lift", move |_| Ok(own.lifted(&designed)?)).await;
-    }
     if let FieldSource::Stored(id) = source {
-        let place = "field.stored";
+        let (own, place) = (loaded.clone(), "field.stored");
         let kept = cache::stored_on(state, id, &loaded.mesh, place).await?;
         let numbers = move |_: &dyn Monitor| Ok(kept.stored(&own, place)?.into_iter().map(|x| x as f32).collect());
         return state.solve("lift", numbers).await;
     }
+    Ok(lifted_with_matching(state, loaded, source).await?.field)
+}
+
+/// The same with the matching of what has exact singularities; a stored field as it was designed, of whatever kind.
+///
+/// # Errors
+/// Those of [`design`].
+pub async fn lifted_with_matching(
+    state: &ClientState,
+    loaded: &LoadedBasis,
+    source: &FieldSource,
+) -> Result<Lifted, Problem> {
+    let (own, kind) = (loaded.clone(), loaded.kind());
+    if let FieldSource::Design(request) = source {
+        request.of_all_faces("field.design")?;
+        let designed = design_with(state, loaded, request, false).await?;
+        let lift = move |_: &dyn Monitor| {
+            let field = own.lifted(&designed)?;
+            Ok(Lifted { kind, field, matching: designed.exact.map(|exact| exact.matching) })
+        };
+        return state.solve("lift", lift).await;
+    }
+    if let FieldSource::Stored(id) = source {
+        let place = "field.stored";
+        let kept = cache::stored_on(state, id, &loaded.mesh, place).await?;
+        let lift = move |_: &dyn Monitor| {
+            let field: Vec<f64> = kept.stored(&own, place)?;
+            let as_it_is = || Lifted { kind, field: field.iter().map(|&x| x as f32).collect(), matching: None };
+            // A field of fewer directions has a matching in its own numbers.
+            let designed = kept.lifted(&own.surface.surface).filter(|lifted| lifted.matching.is_some());
+            Ok(designed.unwrap_or_else(as_it_is))
+        };
+        return state.solve("lift", lift).await;
+    }
     let coefficients = source.coefficients(loaded)?.unwrap_or_default();
-    state.solve("lift", move |_| Ok(own.lift(&coefficients)?)).await
+    let lift = move |_: &dyn Monitor| Ok(Lifted { kind, field: own.lift(&coefficients)?, matching: None });
+    state.solve("lift", lift).await
 }
 
 /// The model whose biharmonic energy is that of the whole mesh.
@@ -225,10 +253,13 @@ async fn goal(
         per_face = wanted.per_face.is_some();
     }
     if let Some(wanted) = &request.singularities {
-        key = format!("{} singular {:?}", loaded.id, numerators(&wanted.at, loaded.kind())?);
-        let (loaded, model, own) = (loaded.clone(), model.clone(), wanted.clone());
-        let make = move |monitor: &dyn Monitor| Ok(loaded.prescription(&model, &own, monitor)?);
-        goal.prescription = Some((cache::kept(state, "singularities", &key, make).await?, wanted.weight));
+        // What the field resists with is measured by the energies of the model.
+        let energy = if request.weights.full_biharmonic() { " full" } else { "" };
+        let own = format!("{}{energy} singular {:?}", loaded.id, numerators(&wanted.at, loaded.kind())?);
+        key = if request.alignment.is_some() { format!("{key} {own}") } else { own.clone() };
+        let (loaded, model, asked) = (loaded.clone(), model.clone(), wanted.clone());
+        let make = move |monitor: &dyn Monitor| Ok(loaded.prescription(&model, &asked, monitor)?);
+        goal.prescription = Some((cache::kept(state, "singularities", &own, make).await?, wanted.weight));
     }
     Ok((key, goal, per_face))
 }

@@ -11,7 +11,7 @@ use bytes::Bytes;
 use chladni_mesh::numbering::Translation;
 use chladni_spectral::formats::npz;
 use chladni_spectral::operator::transport::FieldKind;
-use chladni_work::design::{DesignRequest, Form, written as written_as};
+use chladni_work::design::{DesignRequest, Form, MatchedFaces, written as written_as};
 use chladni_work::table::Table;
 use serde::Deserialize;
 use serde_json::Value;
@@ -255,6 +255,7 @@ async fn save(
         biharmonic_energy: designed.design.biharmonic_energy,
         alignment_energy: designed.design.alignment_energy,
         error: designed.error,
+        matching: designed.exact.as_ref().map(|exact| MatchedFaces::kept(&exact.matching)),
     };
     let values = state.solve("lift", move |_| Ok(loaded.lifted(&designed)?)).await?;
     let design = serde_json::to_value(&saved).map_err(Problem::internal)?;

@@ -1,7 +1,7 @@
 //! Stored fields as they go over the wire.
 
 use chladni_spectral::operator::transport::FieldKind;
-use chladni_work::design::DesignRequest;
+use chladni_work::design::{DesignRequest, MatchedFaces};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::ToSchema;
@@ -73,6 +73,10 @@ pub struct SavedDesign {
     pub alignment_energy: Option<f64>,
     /// With `refine`, how far the field of the basis is from it, as a share of its length.
     pub error: Option<f64>,
+    /// With `exact` singularities the pairs of neighbouring faces, as the kept mesh counts them, across which the field
+    /// turns by more than half a turn; quads keep its singular vertices by them. Absent from others.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub matching: Option<Vec<MatchedFaces>>,
 }
 
 /// Links of a stored field.

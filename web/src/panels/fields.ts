@@ -24,7 +24,7 @@ interface Design {
   weights: { harmonic: number; biharmonic: number };
   strokes: ({ points: number[][]; strength: number } | (Pinned & { strength: number }))[];
   constraints: Pinned[];
-  singularities?: { at: { vertex: number; index: number }[]; weight: number; exact: boolean };
+  singularities?: { at: { vertex: number; index: number }[]; exact: boolean };
   alignment?: { to: "curvature"; weight: number; per_face?: "anisotropy" };
   space?: "basis";
 }
@@ -83,7 +83,7 @@ export function fieldsPanel(app: App, look: Look): Panel {
       weights: { harmonic: 10 ** smooth.control.valueAsNumber, biharmonic: 10 ** smooth.control.valueAsNumber * bending.control.valueAsNumber },
       strokes: strokes.filter((points) => points.length > 1).flatMap(stroke),
       constraints: pins.filter(({ from, to }) => from !== to).map(({ from, to }) => ({ point: from, direction: unit(from, to), ...tensor() })),
-      ...(singular.length > 0 && balanced() ? { singularities: { at: singular, weight: 1000, exact: exact.checked && pins.length === 0 } } : {}),
+      ...(singular.length > 0 && balanced() ? { singularities: { at: singular, exact: exact.checked && pins.length === 0 } } : {}),
       ...(aligned() && pull > 0 ? { alignment: { to: "curvature" as const, weight: pull, ...(kind() === "tensor" ? {} : { per_face: "anisotropy" as const }) } } : {}),
     };
   };

@@ -122,7 +122,31 @@ impl DesignModel {
         let areas = surface.frames().areas();
         let along = self.alignment(basis, areas, &field.target(ONE), None)?;
         let across = self.alignment(basis, areas, &field.target(Complex64::I), None)?;
-        Ok(Prescription { field, along, across })
+        let resistance = self.resistance(basis, &along)?;
+        Ok(Prescription { field, along, across, resistance })
+    }
+
+    /// The harmonic and the biharmonic energy of the field of the space that is closest to another one, for each square
+    /// of its length.
+    fn resistance(&self, basis: &FieldBasis, field: &Alignment) -> Result<[f64; 2], DesignError> {
+        let product = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+        let full = self.pencil.as_ref().and_then(|pencil| pencil.full_biharmonic.as_ref());
+        if let (true, None) = (self.has_ritz(), full) {
+            let of = |power: i32| {
+                let squares = field.projected.iter().zip(self.values()).map(|(z, v)| v.powi(power) * z * z);
+                squares.sum::<f64>()
+            };
+            let size = of(0).max(f64::MIN_POSITIVE);
+            return Ok([of(1) / size, of(2) / size]);
+        }
+        let own = by_mass(&basis.mass, &field.reduced);
+        let image = basis.stiffness.multiply(&own);
+        let size = product(&field.reduced, &own).max(f64::MIN_POSITIVE);
+        let bending = match full {
+            Some(full) => product(&full.multiply(&own), &own),
+            None => product(&by_mass(&basis.mass, &image), &image),
+        };
+        Ok([product(&image, &own) / size, bending / size])
     }
 }
 
@@ -134,21 +158,82 @@ pub struct Prescription {
     /// The field, and the field turned by 90° as stored numbers turn.
     pub(super) along: Alignment,
     pub(super) across: Alignment,
+    /// The energies of what the space has of it, for each square of its length.
+    resistance: [f64; 2],
+}
+
+/// What a field resists with at least, where no energy has a weight.
+const LEAST_RESISTANCE: f64 = 1e-6;
+
+/// Steps and goal of the solves by which energies are measured: to a percent they would do.
+const STEPS: usize = 300;
+const CLOSE: f64 = 1e-6;
+
+/// `M̄⁻¹ f`, by conjugate gradients.
+fn by_mass(mass: &SparseMatrix, force: &[f64]) -> Vec<f64> {
+    let product = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+    let diagonal: Vec<f64> = (0..mass.rows())
+        .map(|row| {
+            let (columns, values) = mass.row(row);
+            let own = columns.iter().zip(values).find(|(column, _)| **column as usize == row);
+            own.map_or(1.0, |own| own.1.max(f64::MIN_POSITIVE))
+        })
+        .collect();
+    let scaled = |rest: &[f64]| -> Vec<f64> { rest.iter().zip(&diagonal).map(|(r, d)| r / d).collect() };
+    let (mut own, mut rest) = (vec![0.0; force.len()], force.to_vec());
+    let mut direction = scaled(&rest);
+    let mut size = product(&rest, &direction);
+    let goal = CLOSE * CLOSE * size;
+    for _ in 0..STEPS {
+        if !(size > goal) {
+            break;
+        }
+        let image = mass.multiply(&direction);
+        let step = size / product(&direction, &image);
+        own.iter_mut().zip(&direction).for_each(|(x, d)| *x += step * d);
+        rest.iter_mut().zip(&image).for_each(|(r, q)| *r -= step * q);
+        let better = scaled(&rest);
+        let next = product(&rest, &better);
+        direction.iter_mut().zip(&better).for_each(|(d, b)| *d = b + next / size * *d);
+        size = next;
+    }
+    own
 }
 
 impl Prescription {
+    /// The weight by which designs miss it by about a percent: a hundred times what it resists with, its energy for
+    /// each square of its length in the space. As the energies of a field of length 1 grow with what a space resolves
+    /// around its singularities, no number would do for all spaces.
+    pub fn firm(&self, weights: EnergyWeights) -> f64 {
+        let resistance = weights.harmonic * self.resistance[0] + weights.biharmonic * self.resistance[1];
+        // A field without energy gives way to nothing.
+        FIRM * resistance.max(weights.harmonic.max(weights.biharmonic)).max(LEAST_RESISTANCE)
+    }
+
     /// The field.
     pub fn field(&self) -> &PrescribedField {
         &self.field
     }
 
     /// The field itself, of unit length with the prescribed singularities and no others, on each component turned to
-    /// fit the constraints there; as it is stored, with the matching that goes with it.
-    pub fn exact(&self, surface: &FieldSurface, constraints: &[Constraint]) -> (Vec<f32>, Vec<Matching>) {
+    /// fit the constraints there, and where there are none what it is aligned to, each by its weight; as it is stored,
+    /// with the matching that goes with it.
+    pub fn exact(
+        &self,
+        surface: &FieldSurface,
+        constraints: &[Constraint],
+        alignments: &[(Arc<Alignment>, f64)],
+    ) -> (Vec<f32>, Vec<Matching>) {
         let (components, count) = surface.dual().components();
-        let turns: Vec<Complex64> = (0..count as u32)
-            .map(|component| self.turn_of(constraints.iter().filter(|c| components[c.face as usize] == component)))
-            .collect();
+        let mut along = vec![Complex64::ZERO; count];
+        for face in 0..self.field.faces() {
+            self.pull_along(alignments, face, &mut along[components[face] as usize]);
+        }
+        let turn = |(component, along): (usize, Complex64)| {
+            let own = || constraints.iter().filter(|c| components[c.face as usize] as usize == component);
+            normalise(if own().next().is_some() { self.pull_of(own()) } else { along })
+        };
+        let turns: Vec<Complex64> = along.into_iter().enumerate().map(turn).collect();
         let b = self.field.kind().block();
         let values = (0..self.field.faces()).flat_map(|face| {
             let value = self.field.value(face, turns[components[face] as usize]);
@@ -159,26 +244,46 @@ impl Prescription {
         (field, matching)
     }
 
-    /// The turn that brings the field closest to constraints.
-    pub(super) fn turn(&self, constraints: &[Constraint]) -> Complex64 {
-        self.turn_of(constraints.iter())
+    /// The turn that brings the field closest to constraints, and where there are none to what it is aligned to.
+    pub(super) fn turn(&self, constraints: &[Constraint], alignments: &[(Arc<Alignment>, f64)]) -> Complex64 {
+        if !constraints.is_empty() {
+            return normalise(self.pull_of(constraints.iter()));
+        }
+        let mut sum = Complex64::ZERO;
+        (0..self.field.faces()).for_each(|face| self.pull_along(alignments, face, &mut sum));
+        normalise(sum)
     }
 
-    fn turn_of<'a>(&self, constraints: impl Iterator<Item = &'a Constraint>) -> Complex64 {
+    fn pull_of<'a>(&self, constraints: impl Iterator<Item = &'a Constraint>) -> Complex64 {
         let mut sum = Complex64::ZERO;
         for c in constraints {
-            let planar = |value: [f64; 3]| match self.field.kind() {
-                FieldKind::Tensor {} => tensor_deviator(value),
-                _ => complex([value[0], value[1]]),
-            };
-            let (wanted, own) = (planar(c.value), planar(self.field.value(c.face as usize, ONE)));
             let weight = match c.hold {
                 Hold::Strength(strength) => FIRM * strength,
                 Hold::Weight(weight) => weight,
                 Hold::Exact => 1e6,
             };
-            sum += weight * Complex64::new(inner(wanted, own), outer(own, wanted));
+            self.add(&mut sum, c.face as usize, c.value, weight);
         }
-        normalise(sum)
+        sum
+    }
+
+    /// Adds what fields to stay close to pull with on a face.
+    fn pull_along(&self, alignments: &[(Arc<Alignment>, f64)], face: usize, sum: &mut Complex64) {
+        let b = self.field.kind().block();
+        for (alignment, weight) in alignments {
+            let mut force = [0.0; 3];
+            force.iter_mut().zip(&alignment.force[b * face..b * (face + 1)]).for_each(|(to, f)| *to = *f);
+            self.add(sum, face, force, *weight);
+        }
+    }
+
+    /// Adds how a value on a face is turned against the field there, with a weight.
+    fn add(&self, sum: &mut Complex64, face: usize, value: [f64; 3], weight: f64) {
+        let planar = |value: [f64; 3]| match self.field.kind() {
+            FieldKind::Tensor {} => tensor_deviator(value),
+            _ => complex([value[0], value[1]]),
+        };
+        let (wanted, own) = (planar(value), planar(self.field.value(face, ONE)));
+        *sum += weight * Complex64::new(inner(wanted, own), outer(own, wanted));
     }
 }

@@ -446,3 +446,32 @@ fn designed_fields_have_their_prescribed_singularities() {
     let found = designed(&r, &prescribed, &[soft(100, 1.0, 0.0, 10.0)]);
     assert!(prescribed.iter().all(|p| found.contains(p)), "{prescribed:?} {found:?}");
 }
+
+#[test]
+fn the_firm_weight_meets_prescribed_singularities_in_spaces_of_all_dimensions() {
+    let at = |vertex, numerator| Prescribed { vertex, numerator };
+    for (n, prescribed) in [(1, vec![at(7, 1), at(2000, 1)]), (4, (0..8).map(|i| at(310 * i + 11, 1)).collect())] {
+        for dimension in [200, 800] {
+            let r = set_up(Shape::Sphere, 2562, FieldKind::NVector { n }, dimension);
+            let field = PrescribedField::new(&r.surface, r.basis.kind, &prescribed, &Unwatched).unwrap();
+            let prescription = Arc::new(r.model.prescription(&r.basis, &r.surface, field.clone()).unwrap());
+            for weights in [EnergyWeights::default(), EnergyWeights { harmonic: 7.0, biharmonic: 0.0 }] {
+                let firm = prescription.firm(weights);
+                let model = r.model.weighted_with(weights, Vec::new(), Some((prescription.clone(), firm))).unwrap();
+                let design = model.solve(&r.basis, &[]).unwrap();
+                let lifted = r.basis.space.lift(&design.coefficients).unwrap();
+                let mut lengths: Vec<f32> = lifted.chunks(2).map(|u| u[0].hypot(u[1])).collect();
+                lengths.sort_by(f32::total_cmp);
+                let (low, middle) = (lengths[lengths.len() / 20], lengths[lengths.len() / 2]);
+                assert!((middle - 1.0).abs() < 0.05 && low > 0.4, "{n} {dimension} {weights:?}: {low} {middle}");
+                let found = singularities(&r.surface, r.basis.kind, &lifted).unwrap();
+                let found: Vec<_> = found.iter().map(|s| at(s.vertex, s.numerator)).collect();
+                assert!(prescribed.iter().all(|p| found.contains(p)), "{n} {dimension}: {found:?}");
+            }
+            // A space without eigenpairs measures the same; those are kept in single precision.
+            let sparse = DesignModel::sparse(&r.basis).prescription(&r.basis, &r.surface, field).unwrap();
+            let [a, b] = [&sparse, &*prescription].map(|p| p.firm(EnergyWeights::default()));
+            assert!((a / b - 1.0).abs() < 0.02, "{a} {b}");
+        }
+    }
+}

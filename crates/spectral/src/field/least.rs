@@ -18,7 +18,7 @@ use super::refine::{FullSpace, Inner, RefineError, Refined};
 use super::refine_response::{Response, Sum, Whole, add};
 use super::roots::Roots;
 use super::slack::Yield;
-use super::weighted::{System, WeightedModel, amounts_of_kernel};
+use super::weighted::{System, WeightedModel};
 use crate::basis::FieldBasis;
 
 /// More constraints are met by conjugate gradients on their pulls.
@@ -245,8 +245,9 @@ impl<const B: usize> Whole<B> {
             let wanted = conditions.iter().flat_map(|condition| &condition.value[..B]);
             let wanted = wanted.fold(0.0f64, |most, value| most.max(value.abs()));
             let mut pulls = vec![0.0; size];
+            let mut yielding = None;
             for step in 0.. {
-                let (y, amounts) = system.pulls(&right, &conditions, B)?;
+                let (y, amounts) = system.pulls(&right, &conditions, B, &mut yielding)?;
                 let (mut own, scale) = answer(&y);
                 kernel.iter().for_each(|kernel| kernel.take_out(self, &mut own));
                 add(&mut field, &own, scale);
@@ -468,21 +469,25 @@ impl<'a> IdleHalves<'a> {
 
 impl System {
     /// What pulls at each constrained number, and how much there is of each field without energy: `right` has what is
-    /// missing, and then the values of those fields.
+    /// missing, and then the values of those fields; `yielding` is what the first step of several says about these.
     fn pulls(
         &self,
         right: &DenseMatrix,
         conditions: &[super::constraints::Condition],
         b: usize,
+        yielding: &mut Option<f64>,
     ) -> Result<(Vec<f64>, Vec<f64>), DesignError> {
         let mut solutions = right.clone();
         self.factor.solve(&mut solutions).map_err(DesignError::Factor)?;
         let mut y = solutions.column(0).to_vec();
         self.refine(right.column(0), conditions, b, &mut y)?;
-        let amounts = if right.columns() > 1 { amounts_of_kernel(right, &solutions)? } else { Vec::new() };
-        for (j, amount) in amounts.iter().enumerate() {
+        if right.columns() == 1 {
+            return Ok((y, Vec::new()));
+        }
+        let shares = self.shares_of_kernel(right, &solutions, b, yielding)?;
+        for (j, amount) in shares.taken.iter().enumerate() {
             y.iter_mut().zip(solutions.column(1 + j)).for_each(|(y, t)| *y -= amount * t);
         }
-        Ok((y, amounts))
+        Ok((y, shares.amounts))
     }
 }

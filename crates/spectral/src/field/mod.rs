@@ -3,6 +3,8 @@
 mod adaptive;
 mod alignment;
 mod basis;
+#[cfg(test)]
+mod bounded_tests;
 mod compliance;
 mod constraints;
 mod cover;
@@ -56,6 +58,7 @@ mod transport;
 mod unity;
 mod weighted;
 mod whole;
+mod windings;
 
 pub use adaptive::adaptive_weights;
 pub use alignment::{Alignment, Prescription};
@@ -78,7 +81,7 @@ pub use reading::{
     TensorAxes, direction_in_frame, representation, roots, tensor_axes, tensor_deviator, tensor_in_frame, to_world,
 };
 pub use refine::{FullSpace, RefineError, Refined};
-pub use singularity::{Matching, Singularity, matched_singularities, singularities};
+pub use singularity::{Matching, Singularity, matched_singularities, matching_of_power, singularities};
 pub use streamline::{HatchingParameters, Streamline, StreamlineError, streamlines};
 pub use surface::{FieldSurface, SurfaceError};
 pub use transport::{TransportError, VectorHeat, VectorSource};

@@ -4,7 +4,8 @@
 //! Between neighbouring faces a unit field turns by an angle `r_e` beside what transport does. Around a vertex these
 //! angles and `n` times the angle defect add up to 360° times `n` times its index; around every other loop they and
 //! transport add up to a multiple of 360°. Of all such angles those of least energy `Σ w_e r_e²` are a co-exact part,
-//! from one Poisson problem on the vertices, and a harmonic part, of one unknown for each independent loop. The field
+//! from one Poisson problem on the vertices, and a harmonic part, of one unknown for each independent loop. Which
+//! multiples of 360° they are is part of the problem: those of all loops together that have the least energy. The field
 //! follows from them face by face, up to one angle for each component. Its indices are the prescribed ones exactly:
 //! they are read by the same angles.
 
@@ -21,6 +22,7 @@ use super::loops::{DualTree, closed_loops, ends};
 use super::poisson::{self, PoissonError};
 use super::singularity::{Matching, least_angles};
 use super::surface::FieldSurface;
+use super::windings;
 
 /// The most independent loops: their harmonic parts are a dense matrix.
 const MOST_LOOPS: usize = 1024;
@@ -317,6 +319,19 @@ fn fan(surface: &FieldSurface, prescribed: &Prescribed) -> (Vec<(u32, f64)>, f64
     (faces.zip(lengths.iter().map(|l| l / total)).collect(), mean)
 }
 
+/// Adds whole turns to what is missing along loops so that the turns that make it up have the least energy: with the
+/// periods `G` of the harmonic parts, which are their products too, that is `mᵀ G⁻¹ m`.
+fn improve(periods: &DenseMatrix, missing: &mut DenseMatrix) -> Result<(), PrescribedError> {
+    let size = periods.rows();
+    let mut form = DenseMatrix::zeros(size, size);
+    (0..size).for_each(|k| form.column_mut(k)[k] = 1.0);
+    solve_definite(periods.clone(), &mut form).map_err(PrescribedError::Periods)?;
+    let turns: Vec<f64> = missing.column(0).iter().map(|m| m / TAU).collect();
+    let whole = windings::nearest(&form, &turns);
+    missing.column_mut(0).iter_mut().zip(whole).for_each(|(m, z)| *m += TAU * z);
+    Ok(())
+}
+
 /// Transport from the lower face of each edge to the upper one, and the inverse of what a turn there costs.
 struct Connection<'a> {
     surface: &'a FieldSurface,
@@ -403,6 +418,7 @@ impl<'a> Connection<'a> {
                     periods.column_mut(k)[l] = along(path, &|edge| form[edge]);
                 }
             }
+            improve(&periods, &mut missing)?;
             solve_definite(periods, &mut missing).map_err(PrescribedError::Periods)?;
             for (form, &amount) in harmonic.iter().zip(missing.column(0)) {
                 turns.iter_mut().zip(form).for_each(|(t, h)| *t += amount * h);

@@ -3,7 +3,13 @@ use chladni_mesh::fixtures::union;
 use chladni_mesh::shape::{Shape, generate, noisy};
 
 use super::*;
-use crate::field::{Constraint, DesignModel, FieldParameters, Hold, field_basis, matched_singularities};
+use std::sync::Arc;
+
+use crate::field::quad::{comb, crosses_of};
+use crate::field::{
+    Constraint, DesignModel, EnergyWeights, FieldParameters, Hold, field_basis, matched_singularities,
+    matching_of_power,
+};
 
 fn surface(shape: Shape, vertices: usize) -> FieldSurface {
     FieldSurface::new(noisy(&generate(shape, vertices).unwrap(), 0.1, 3).unwrap()).unwrap()
@@ -179,9 +185,215 @@ fn each_component_is_turned_to_fit_its_own_strokes() {
     let prescription = model.prescription(&basis, &surface, field).unwrap();
     let last = surface.faces() as u32 - 5;
     let one = |face, angle: f64| Constraint { face, value: [angle.cos(), angle.sin(), 0.0], hold: Hold::Strength(1.0) };
-    let (field, matching) = prescription.exact(&surface, &[one(4, 0.3), one(last, -2.0)]);
+    let (field, matching) = prescription.exact(&surface, &[one(4, 0.3), one(last, -2.0)], &[]);
     assert!(matching.is_empty());
     for (face, angle) in [(4, 0.3f32), (last as usize, -2.0)] {
         assert!((field[2 * face] - angle.cos()).abs() < 1e-5 && (field[2 * face + 1] - angle.sin()).abs() < 1e-5);
     }
+}
+
+/// Circles of edges that generate the first homology of a closed surface, each as how often it runs along an edge in
+/// the direction of its lower face: what is left over by a tree of faces and one of vertices, in trees of its own.
+fn circles(surface: &FieldSurface) -> Vec<Vec<f64>> {
+    let (dual, edges) = (surface.dual(), surface.dual().edge_count());
+    let mut reached = vec![false; surface.faces()];
+    let mut crossed = vec![false; edges];
+    let mut stack = vec![0usize];
+    reached[0] = true;
+    while let Some(face) = stack.pop() {
+        for (k, other) in dual.neighbours(face).into_iter().enumerate() {
+            if !reached[other as usize] {
+                reached[other as usize] = true;
+                crossed[dual.edges(face)[k] as usize] = true;
+                stack.push(other as usize);
+            }
+        }
+    }
+    // The way from each vertex to the first, in edges with their signs.
+    let vertices = surface.mesh().positions.len();
+    let mut ways: Vec<Option<Vec<(usize, f64)>>> = vec![None; vertices];
+    ways[surface.mesh().faces[0][0] as usize] = Some(Vec::new());
+    let mut used = vec![false; edges];
+    loop {
+        let mut grown = false;
+        for edge in (0..edges).filter(|&e| !crossed[e]) {
+            let [a, b] = ends(surface, edge).map(|v| v as usize);
+            let (from, to, sign) = match (&ways[a], &ways[b]) {
+                (Some(_), None) => (a, b, -1.0),
+                (None, Some(_)) => (b, a, 1.0),
+                _ => continue,
+            };
+            let mut way = ways[from].clone().unwrap();
+            way.push((edge, sign));
+            ways[to] = Some(way);
+            (used[edge], grown) = (true, true);
+        }
+        if !grown {
+            break;
+        }
+    }
+    let left = (0..edges).filter(|&e| !crossed[e] && !used[e]);
+    let circle = |edge: usize| {
+        let [a, b] = ends(surface, edge).map(|v| v as usize);
+        let mut circle = vec![0.0; edges];
+        circle[edge] += 1.0;
+        ways[b].iter().flatten().for_each(|&(e, sign)| circle[e] += sign);
+        ways[a].iter().flatten().for_each(|&(e, sign)| circle[e] -= sign);
+        circle
+    };
+    left.map(circle).collect()
+}
+
+/// The least energy of turns that differ from given ones by whole turns along loops, up to `reach` around each circle:
+/// by a dense system on the faces, and by trial of all whole numbers.
+fn least_energy(surface: &FieldSurface, kind: FieldKind, turns: &[f64], reach: i32) -> (f64, f64) {
+    let dual = surface.dual();
+    let weights: Vec<f64> = Connection::new(surface, kind).conductance.iter().map(|c| 1.0 / c).collect();
+    let faces = surface.faces();
+    let mut laplacian = DenseMatrix::zeros(faces, faces);
+    laplacian.column_mut(0)[0] = 1.0;
+    for (&[a, b], w) in dual.edge_faces().iter().zip(&weights) {
+        for (row, column, sign) in [(a, a, 1.0), (b, b, 1.0), (a, b, -1.0), (b, a, -1.0)] {
+            laplacian.column_mut(column as usize)[row as usize] += sign * w;
+        }
+    }
+    let circles = circles(surface);
+    let mut parts: Vec<Vec<f64>> = circles.into_iter().map(|c| c.iter().map(|x| TAU * x).collect()).collect();
+    parts.push(turns.to_vec());
+    let mut potentials = DenseMatrix::zeros(faces, parts.len());
+    for (k, part) in parts.iter().enumerate() {
+        for ((&[a, b], w), x) in dual.edge_faces().iter().zip(&weights).zip(part) {
+            potentials.column_mut(k)[b as usize] += w * x;
+            potentials.column_mut(k)[a as usize] -= w * x;
+        }
+    }
+    solve_definite(laplacian, &mut potentials).unwrap();
+    for (k, part) in parts.iter_mut().enumerate() {
+        let p = potentials.column(k);
+        part.iter_mut().zip(dual.edge_faces()).for_each(|(x, &[a, b])| *x -= p[b as usize] - p[a as usize]);
+    }
+    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).zip(&weights).map(|((a, b), w)| w * a * b).sum::<f64>();
+    let gram: Vec<Vec<f64>> = parts.iter().map(|a| parts.iter().map(|b| product(a, b)).collect()).collect();
+    let loops = parts.len() - 1;
+    let width = (2 * reach + 1) as usize;
+    let least = (0..width.pow(loops as u32))
+        .map(|code| {
+            let number = |k: usize| match k == loops {
+                true => 1.0,
+                false => f64::from((code / width.pow(k as u32) % width) as i32 - reach),
+            };
+            let sum = |a: usize| (0..=loops).map(|b| gram[a][b] * number(b)).sum::<f64>();
+            (0..=loops).map(|a| number(a) * sum(a)).sum::<f64>()
+        })
+        .fold(f64::INFINITY, f64::min);
+    (product(turns, turns), least)
+}
+
+#[test]
+fn no_other_turns_around_handles_have_less_energy() {
+    let torus = surface(Shape::Torus, 300);
+    let double = surface(Shape::Genus(2), 800);
+    let far = |surface: &FieldSurface, share: f64| (share * surface.mesh().positions.len() as f64) as u32;
+    for n in [1, 2, 4] {
+        let kind = FieldKind::NVector { n };
+        for share in [0.2, 0.35, 0.5, 0.65, 0.8] {
+            let pair = [at(0, n as i32), at(far(&torus, share), -(n as i32))];
+            let field = PrescribedField::new(&torus, kind, &pair, &Unwatched).unwrap();
+            let (own, least) = least_energy(&torus, kind, &field.turns, 4);
+            assert!(own <= least * (1.0 + 1e-9), "torus, n = {n}, {share}: {own}, {least}");
+            let pair = [at(0, -(n as i32)), at(far(&double, share), -(n as i32))];
+            let field = PrescribedField::new(&double, kind, &pair, &Unwatched).unwrap();
+            let (own, least) = least_energy(&double, kind, &field.turns, 3);
+            assert!(own <= least * (1.0 + 1e-9), "genus 2, n = {n}, {share}: {own}, {least}");
+        }
+    }
+}
+
+#[test]
+fn each_component_is_turned_to_what_it_is_aligned_to_where_no_stroke_says_otherwise() {
+    let both = union(&[generate(Shape::Torus, 300).unwrap(), generate(Shape::Torus, 200).unwrap()]);
+    let surface = FieldSurface::new(both).unwrap();
+    let (components, _) = surface.dual().components();
+    let areas = surface.frames().areas();
+    for kind in [FieldKind::Vector {}, FieldKind::NVector { n: 4 }, FieldKind::Tensor {}] {
+        let b = kind.block();
+        let basis = field_basis(&surface, &FieldParameters::new(kind, 80), &Unwatched).unwrap();
+        let model = DesignModel::new(&basis, &Unwatched).unwrap();
+        let order = kind.order() as i32;
+        let prescribed = [at(10, order), at(60, -order)];
+        let field = PrescribedField::new(&surface, kind, &prescribed, &Unwatched).unwrap();
+        // The field itself, each component turned by an angle of its own, three times as long, and noise that turns
+        // nothing on the whole.
+        let angle = |component: u32| if component == 0 { 0.7f64 } else { -2.1 };
+        let target: Vec<f64> = (0..surface.faces())
+            .flat_map(|face| {
+                let turn = angle(components[face]) + if face % 2 == 0 { 0.3 } else { -0.3 };
+                field
+                    .value(face, Complex64::from_polar(1.0, turn))
+                    .into_iter()
+                    .take(b)
+                    .map(|x| 3.0 * x)
+                    .collect::<Vec<_>>()
+            })
+            .collect();
+        let alignment = Arc::new(model.alignment(&basis, areas, &target, None).unwrap());
+        let prescription = model.prescription(&basis, &surface, field.clone()).unwrap();
+        let (found, matching) = prescription.exact(&surface, &[], &[(alignment.clone(), 2.0)]);
+        let own = matched_singularities(&surface, kind, &found, &matching).unwrap();
+        assert_eq!(own.iter().map(|s| at(s.vertex, s.numerator)).collect::<Vec<_>>(), prescribed, "{kind:?}");
+        // What is left of the noise is what the two halves of the faces differ by in area.
+        let close = |face: usize, turn: f64| {
+            let wanted = field.value(face, Complex64::from_polar(1.0, turn));
+            (0..b).all(|i| (f64::from(found[b * face + i]) - wanted[i]).abs() < 0.05)
+        };
+        assert!((0..surface.faces()).all(|face| close(face, angle(components[face]))), "{kind:?}");
+        // Softly both are terms of the energy, and the whole is turned to fit.
+        let prescription = Arc::new(prescription);
+        let weights = EnergyWeights::default();
+        let all: Vec<(Arc<_>, f64)> = vec![(alignment.clone(), 5.0)];
+        let soft = model.weighted_with(weights, all, Some((prescription.clone(), 500.0))).unwrap();
+        let design = soft.solve(&basis, &[]).unwrap();
+        let [mut along, mut across] = [0.0; 2];
+        for (face, area) in areas.iter().enumerate() {
+            let [u, v] = [ONE, Complex64::I].map(|turn| field.value(face, turn));
+            (0..b).for_each(|i| along += area * u[i] * target[b * face + i]);
+            (0..b).for_each(|i| across += area * v[i] * target[b * face + i]);
+        }
+        let turn = design.turn.unwrap();
+        assert!((turn.arg() - across.atan2(along)).abs() < 1e-6, "{kind:?} {turn:?}");
+    }
+}
+
+#[test]
+fn crosses_of_exact_fields_are_singular_where_these_are() {
+    let coarse = |shape, vertices, seed| {
+        FieldSurface::new(noisy(&generate(shape, vertices).unwrap(), 0.3, seed).unwrap()).unwrap()
+    };
+    let mut lost = 0;
+    for (surface, seed) in [(coarse(Shape::Genus(2), 900, 3), 1u32), (coarse(Shape::Genus(4), 1700, 4), 2)] {
+        let characteristic = surface.dual().euler_characteristic() as i32;
+        let vertices = surface.mesh().positions.len() as u32;
+        for n in [1, 2, 4] {
+            let kind = FieldKind::NVector { n };
+            let count = (n as i32 * characteristic).unsigned_abs();
+            let mut prescribed: Vec<Prescribed> =
+                (0..count).map(|i| at((i * vertices / count + 5 * seed + n) % vertices, -1)).collect();
+            prescribed.sort_by_key(|p| p.vertex);
+            let field = PrescribedField::new(&surface, kind, &prescribed, &Unwatched).unwrap();
+            let single: Vec<f32> = field.target(Complex64::new(0.6, -0.8)).iter().map(|&x| x as f32).collect();
+            let matching = field.matching(&surface, &single);
+            let crosses = crosses_of(kind, &single).unwrap();
+            let four = FieldKind::NVector { n: 4 };
+            let matched = matching_of_power(&surface, (kind, &single, &matching), (four, &crosses)).unwrap();
+            if n == 4 {
+                assert_eq!(matched, matching);
+            }
+            let wanted: Vec<(u32, i32)> = prescribed.iter().map(|p| (p.vertex, p.numerator * 4 / n as i32)).collect();
+            let found = comb(&surface, &crosses, &matched).unwrap().singularities;
+            assert_eq!(found.iter().map(|s| (s.vertex, s.numerator)).collect::<Vec<_>>(), wanted, "n = {n}");
+            let without = comb(&surface, &crosses, &[]).unwrap().singularities;
+            lost += usize::from(without.iter().map(|s| (s.vertex, s.numerator)).collect::<Vec<_>>() != wanted);
+        }
+    }
+    assert!(lost > 0, "no field needed its matching");
 }

@@ -8,6 +8,7 @@ use crate::operator::OperatorError;
 use crate::operator::curvature::curvatures;
 use crate::operator::frames::{ONE, complex, parts, power};
 
+use super::drawing::outward;
 use super::reading::{tensor_deviator, tensor_in_frame};
 use super::surface::FieldSurface;
 
@@ -80,7 +81,8 @@ pub struct Strand {
 }
 
 /// A combed coat: one strand per face, that leans towards a vector field of two numbers per face by at most `tilt`
-/// radians, which it reaches where the field is as long as `full` or longer.
+/// radians, which it reaches where the field is as long as `full` or longer. Closed surfaces that are inside out have it
+/// on their outside too.
 ///
 /// # Errors
 /// [`FieldMisfit::Numbers`] unless the field has two numbers for each face, [`FieldMisfit::Strands`] unless `length`
@@ -97,12 +99,13 @@ pub fn fur(
         return Err(FieldMisfit::Strands);
     }
     let (mesh, frames) = (surface.mesh(), surface.frames());
+    let outwards = outward(surface);
     let strands = field.chunks_exact(2).enumerate().map(|(f, u)| {
         let [x, y] = [f64::from(u[0]), f64::from(u[1])];
         let size = x.hypot(y);
         let (sine, cosine) = (tilt * (size / full).min(1.0)).sin_cos();
         let along = if size > 0.0 { frames.to_world(f, complex([x / size, y / size])) } else { Vector3::ZERO };
-        let normal = frames.normal(f);
+        let normal = outwards[f] * frames.normal(f);
         let root = mesh.barycentre(&mesh.faces[f]);
         Strand { root: root.into(), tip: (length * (cosine * normal + sine * along)).into() }
     });

@@ -74,6 +74,14 @@ pub enum RefineError {
         "the space of this basis lacks fields without energy that the surface has: designs in it cannot be compared with the whole surface"
     )]
     Incomplete,
+    /// Fields without energy, small where constraints are, would have to be so long.
+    #[error(
+        "harmonic fields meet these constraints at no cost only where they are {times:.0} times as long elsewhere, and without factors of the surface their length is not bounded; a design in the space of the basis has such a bound"
+    )]
+    Unbounded {
+        /// Their mean length in units of the longest constraint.
+        times: f64,
+    },
     /// The work was cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),

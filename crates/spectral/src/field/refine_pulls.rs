@@ -12,6 +12,7 @@ use super::design::DesignError;
 use super::kernel::Own;
 use super::refine::RefineError;
 use super::refine_response::{Response, Whole, add};
+use super::weighted::{LONGEST_IDLE, longest, norm};
 
 /// Steps on the pulls at most.
 const MOST_STEPS: usize = 200;
@@ -292,6 +293,10 @@ impl<'a, const B: usize> Pulls<'a, B> {
             let keep = (next - shared) / size;
             size = next;
             direction.iter_mut().zip(&scaled).for_each(|(d, z)| *d = z + keep * *d);
+        }
+        let (length, asked) = (norm(&amounts), longest(&self.compliance.values, B));
+        if length > LONGEST_IDLE * asked {
+            return Err(RefineError::Unbounded { times: length / asked });
         }
         self.response.kernel().iter().for_each(|own| own.add_to::<B>(&self.loose, &amounts, &mut self.field));
         Ok(())

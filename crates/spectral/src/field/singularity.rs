@@ -56,6 +56,44 @@ pub struct Matching {
     pub turns: i32,
 }
 
+/// The matching of a field whose representation is a power of another one's, with the matching of that: what turns by
+/// more than half a turn between two faces turns by several times that in the power.
+///
+/// # Errors
+/// [`FieldMisfit`]: a field has other than `block` numbers for each face, or the matching is of an edge that is not
+/// there.
+pub fn matching_of_power(
+    surface: &FieldSurface,
+    (kind, field, matching): (FieldKind, &[f32], &[Matching]),
+    (power, raised): (FieldKind, &[f32]),
+) -> Result<Vec<Matching>, FieldMisfit> {
+    let angles = matched_angles(surface, kind, field, matching)?;
+    let times = f64::from(power.order()) / f64::from(kind.order());
+    let least = least_angles(surface, power, raised)?;
+    let edges = surface.dual().edge_faces().iter().zip(angles.iter().zip(&least)).enumerate();
+    let matched = edges.filter_map(|(edge, (&faces, (angle, least)))| {
+        let turns = ((times * angle - least) / std::f64::consts::TAU).round() as i32;
+        (turns != 0).then_some(Matching { edge: edge as u32, faces, turns })
+    });
+    Ok(matched.collect())
+}
+
+/// By what a field turns across each edge.
+fn matched_angles(
+    surface: &FieldSurface,
+    kind: FieldKind,
+    field: &[f32],
+    matching: &[Matching],
+) -> Result<Vec<f64>, FieldMisfit> {
+    let mut angles = least_angles(surface, kind, field)?;
+    let edges = angles.len();
+    for (place, &Matching { edge, turns, .. }) in matching.iter().enumerate() {
+        let angle = angles.get_mut(edge as usize).ok_or(FieldMisfit::Edge { place, edge, edges })?;
+        *angle += std::f64::consts::TAU * f64::from(turns);
+    }
+    Ok(angles)
+}
+
 /// The singular vertices of a field whose faces are matched: without a matching, a turn of more than 180° is read as
 /// the smaller one the other way round.
 ///
@@ -70,12 +108,7 @@ pub fn matched_singularities(
 ) -> Result<Vec<Singularity>, FieldMisfit> {
     let (dual, frames, mesh) = (surface.dual(), surface.frames(), surface.mesh());
     let order = kind.order();
-    let mut angles = least_angles(surface, kind, field)?;
-    let edges = angles.len();
-    for (place, &Matching { edge, turns, .. }) in matching.iter().enumerate() {
-        let angle = angles.get_mut(edge as usize).ok_or(FieldMisfit::Edge { place, edge, edges })?;
-        *angle += std::f64::consts::TAU * f64::from(turns);
-    }
+    let angles = matched_angles(surface, kind, field, matching)?;
     let (mut corners, mut turned) = (Vec::new(), Vec::new());
     let mut found = Vec::new();
     for vertex in 0..mesh.positions.len() as u32 {

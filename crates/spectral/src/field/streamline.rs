@@ -71,12 +71,14 @@ pub struct Streamline {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum StreamlineError {
     /// A parameter is out of its range.
-    #[error("parameter {name} is {value}, which is out of range")]
+    #[error("parameter {name} is {value}; it must be {range}")]
     Parameter {
         /// Its name.
         name: &'static str,
         /// Its value.
         value: f64,
+        /// What it may be.
+        range: &'static str,
     },
     /// The field does not fit.
     #[error("the field has {got} numbers, not two for each of {faces} faces")]
@@ -109,16 +111,19 @@ pub fn streamlines(
         return Err(StreamlineError::Length { got: field.len(), faces });
     }
     if n == 0 {
-        return Err(StreamlineError::Parameter { name: "n", value: 0.0 });
+        return Err(StreamlineError::Parameter { name: "n", value: 0.0, range: "at least 1" });
     }
     if !(parameters.spacing > 1e-5 && parameters.spacing <= 10.0) {
-        return Err(StreamlineError::Parameter { name: "spacing", value: parameters.spacing });
+        let range = "above 0.00001 and up to 10";
+        return Err(StreamlineError::Parameter { name: "spacing", value: parameters.spacing, range });
     }
     if !(parameters.least_length >= 0.0 && parameters.least_length.is_finite()) {
-        return Err(StreamlineError::Parameter { name: "least_length", value: parameters.least_length });
+        let range = "a finite number of at least 0";
+        return Err(StreamlineError::Parameter { name: "least_length", value: parameters.least_length, range });
     }
     if !(1..=MOST_LEVELS).contains(&parameters.levels) {
-        return Err(StreamlineError::Parameter { name: "levels", value: f64::from(parameters.levels) });
+        let range = "a whole number from 1 to 6";
+        return Err(StreamlineError::Parameter { name: "levels", value: f64::from(parameters.levels), range });
     }
     monitor.stage("streamlines");
     let step = SAMPLE_SHARE * parameters.spacing;

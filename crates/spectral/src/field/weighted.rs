@@ -1,5 +1,6 @@
 //! Solving for fields: a model with weights, and what constraints add to it.
 
+mod bounded;
 mod halves;
 mod multipliers;
 mod whole;
@@ -20,7 +21,7 @@ use super::many::{Many, Setting};
 use super::nearby::Nearby;
 use super::pencil::{Pencil, Sum, floor};
 
-pub(super) use multipliers::{System, amounts_of_kernel};
+pub(super) use multipliers::{LONGEST_IDLE, System, longest, norm};
 
 /// Ritz values below this share of the largest count as zero, or below so much on unit area: a space that has fields
 /// without energy alone has no other values than what rounding leaves of these.
@@ -272,7 +273,7 @@ impl WeightedModel {
             return Ok(design);
         }
         let mut conditions = conditions(&kept, constraints);
-        let turn = self.prescription.as_ref().map(|(p, _)| p.turn(constraints));
+        let turn = self.prescription.as_ref().map(|(p, _)| p.turn(constraints, &self.alignments));
         let start = match (turn, &self.turned) {
             (Some(turn), Some([along, across])) => {
                 let mix = |free: &[f64], a: &[f64], b: &[f64]| -> Vec<f64> {
@@ -348,6 +349,12 @@ impl WeightedModel {
         let residuals = residuals(kept, constraints, basis.space.block(), |at, i| reached[at][i]);
         let image = basis.mass.multiply(&field);
         let found = Pull { force: Vec::new(), field: model.project(&image), laplacian: None };
+        let idle: Vec<f64> = self.kernel.iter().map(|&k| found.field[k]).collect();
+        let asked = own.iter().map(|c| norm(&c.value)).fold(0.0, f64::max);
+        if norm(&idle) > LONGEST_IDLE * asked {
+            // Too much of what costs nothing: one system of all constraints bounds it.
+            return Ok(None);
+        }
         let coefficients = field.iter().map(|&x| x as f32).collect();
         self.finish(found, None, residuals, Some(coefficients)).map(Some)
     }
@@ -420,6 +427,30 @@ impl WeightedModel {
             return Ok(());
         }
         let kernel = self.free(conditions);
+        let before = (kernel.count() == 0 && !self.is_held() && self.pencil.is_some()).then(|| found.clone());
+        self.satisfy_with(basis, (rows, kernel), conditions, b, found)?;
+        if let Some(before) = before
+            && let Some(idle) = self.too_long(conditions, &found.field)
+        {
+            *found = before;
+            self.satisfy_with(basis, (rows, Kernel::Fields(idle)), conditions, b, found)?;
+        }
+        Ok(())
+    }
+
+    /// Whether something but the energies holds fields.
+    fn is_held(&self) -> bool {
+        self.prescription.is_some() || !self.alignments.is_empty()
+    }
+
+    fn satisfy_with(
+        &self,
+        basis: &FieldBasis,
+        (rows, kernel): (&DenseMatrix, Kernel<'_>),
+        conditions: &[Condition],
+        b: usize,
+        found: &mut Pull,
+    ) -> Result<(), DesignError> {
         if let Some(inverse) = self.for_halves(conditions) {
             return self.satisfy_by_halves((inverse, basis), (rows, kernel), conditions, b, found);
         }
@@ -449,8 +480,7 @@ impl WeightedModel {
         if let Inverse::Ritz(_) = self.inverse {
             return Kernel::Coordinates(&self.kernel);
         }
-        let held = self.prescription.is_some() || !self.alignments.is_empty();
-        if held || !conditions.iter().any(|c| matches!(c.slack, Slack::Own(_))) {
+        if self.is_held() || !conditions.iter().any(|c| matches!(c.slack, Slack::Own(_))) {
             return Kernel::Coordinates(&[]);
         }
         self.idle().map_or(Kernel::Coordinates(&[]), Kernel::Fields)

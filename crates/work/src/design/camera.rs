@@ -1,7 +1,7 @@
 //! Where pictures are seen from.
 
 use chladni_mesh::TriangleMesh;
-use chladni_spectral::field::Camera;
+use chladni_spectral::field::{Camera, MOST_PIXELS};
 use serde::Deserialize;
 
 use super::DesignFault;
@@ -69,10 +69,11 @@ impl CameraRequest {
             (None, None, from) => {
                 let from = from.unwrap_or([0.4, 0.3, 1.0]);
                 let somewhere = from.iter().map(|x| x * x).sum::<f64>() > 0.0;
-                if !(frame.angle > 0.0 && frame.angle < 180.0 && somewhere) {
-                    return wrong(
-                        "looks nowhere: its direction is zero, or its angle is not between 0 and 180 degrees",
-                    );
+                if !(frame.angle > 0.0 && frame.angle < 180.0) {
+                    return Err(sees_nothing(&frame));
+                }
+                if !somewhere {
+                    return wrong("looks nowhere: the direction it is seen from is zero");
                 }
                 Ok(Camera::fitted(mesh, from, margin, frame))
             }
@@ -82,6 +83,16 @@ impl CameraRequest {
 }
 
 /// Why no picture is drawn with a camera.
-pub(super) fn sees_nothing() -> DesignFault {
-    refused("camera", "camera", "looks nowhere, or its picture has no size or is too large")
+pub(super) fn sees_nothing(camera: &Camera) -> DesignFault {
+    let (width, height) = (camera.width, camera.height);
+    let reason = if width == 0 || height == 0 {
+        format!("its picture of {width} × {height} pixels has no size")
+    } else if width.max(height) > MOST_PIXELS {
+        format!("its picture of {width} × {height} pixels is too large; {MOST_PIXELS} are the most either way")
+    } else if !(camera.angle > 0.0 && camera.angle < 180.0) {
+        format!("its angle is {}; it must be above 0 and below 180 degrees", camera.angle)
+    } else {
+        "looks nowhere: its eye is its target, up is along its view, or a number is not finite".to_owned()
+    };
+    refused("camera", "camera", reason)
 }

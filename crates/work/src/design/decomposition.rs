@@ -71,6 +71,10 @@ impl DecompositionRequest {
     }
 
     fn check_columns(&self) -> Result<(), DesignFault> {
+        if self.boundary == FieldBoundary::Clamped {
+            let reason = "clamped fields have no decomposition of their own: give tangential or normal, whose potentials vanish at the boundary";
+            return Err(refused("boundary", "boundary", reason));
+        }
         match self.field.columns {
             2 | 3 => Ok(()),
             columns => Err(refused("field", "field", format!("{columns} columns are given; 2 or 3 are needed"))),

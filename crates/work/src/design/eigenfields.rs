@@ -78,6 +78,11 @@ impl Eigenfields {
         self.range.len()
     }
 
+    /// Which they are, counted from 0.
+    pub fn range(&self) -> Range<usize> {
+        self.range.clone()
+    }
+
     /// Checks that these can be refined to a tolerance.
     ///
     /// # Errors

@@ -275,7 +275,7 @@ impl FurRequest {
             light: direction("look.light", look.light)?,
             thickness: look.thickness,
         };
-        paint(surface, coat, &camera, &style, monitor)?.ok_or_else(sees_nothing)
+        paint(surface, coat, &camera, &style, monitor)?.ok_or_else(|| sees_nothing(&camera))
     }
 }
 

@@ -175,7 +175,7 @@ impl HatchingRequest {
     /// The camera of a drawing.
     fn seen_from(&self, setting: &Setting) -> Result<Camera, DesignFault> {
         let camera = self.camera.unwrap_or_default().camera(setting.surface.surface.mesh(), 0.0)?;
-        if camera.is_sound() { Ok(camera) } else { Err(sees_nothing()) }
+        if camera.is_sound() { Ok(camera) } else { Err(sees_nothing(&camera)) }
     }
 
     /// Checks what belongs to drawings.
@@ -249,7 +249,7 @@ impl HatchingRequest {
         let hatched = HatchedLines { lines: &lines, kinds, crossing: &crossing, levels: parameters.levels };
         let style =
             HatchingStyle { stroke: self.stroke, swelling: self.pen == Pen::Swelling, tone, outline: self.outline };
-        let drawing = hatch(surface, hatched, &camera, &style, monitor)?.ok_or_else(sees_nothing)?;
+        let drawing = hatch(surface, hatched, &camera, &style, monitor)?.ok_or_else(|| sees_nothing(&camera))?;
         Ok((drawing, lines.len() + crossing.len()))
     }
 }

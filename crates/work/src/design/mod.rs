@@ -6,8 +6,11 @@
 //! | `faces` | the faces that its answer is about |
 //! | `target` | the field that an alignment draws it to |
 //! | `stored` | fields that a server keeps, named by their ids |
+//! | `goal` | what a design is drawn to as a whole |
 //! | `setting` | from a request to coefficients, in steps |
 //! | `forms` | stored numbers as a user reads them |
+//! | `matching` | fields that turn by more than half a turn between two faces |
+//! | `own_surface` | whether a surface is the one that a basis of a file lives on |
 //! | `source` | the field that fur or a hatching is made of |
 //! | `fur`, `hatching` | both, as numbers and as pictures |
 //! | `camera` | where pictures are seen from |
@@ -24,7 +27,12 @@ mod faces;
 mod fault;
 mod forms;
 mod fur;
+mod goal;
 mod hatching;
+mod matching;
+#[cfg(test)]
+mod matching_tests;
+mod own_surface;
 mod quads;
 mod request;
 mod setting;
@@ -40,7 +48,10 @@ pub use faces::{FaceSample, FacesRequest, MOST_SAMPLED};
 pub use fault::DesignFault;
 pub use forms::{Form, written, written_at};
 pub use fur::{FurRequest, HairRequest};
+pub use goal::{ExactGoal, Goal};
 pub use hatching::{HatchingAnswer, HatchingRequest, Line, Pen, ToneRequest};
+pub use matching::{Lifted, MatchedFaces};
+pub use own_surface::{StrangeSurface, check_own_surface};
 pub use quads::{
     BasisField, CrossRequest, CrossSource, Crosses, CutEdge, Quads, QuadsAnswer, QuadsFormat, QuadsRequest, SplitFace,
     SplitSurface,
@@ -50,7 +61,7 @@ pub use request::{
     AlignmentRequest, BiharmonicEnergy, DesignRequest, DesignSpace, MOST_CONSTRAINTS, NamedTarget, NamedWeights,
     PerFace, Pin, SingularVertex, SingularitiesRequest, Stroke, Target, Weights,
 };
-pub use setting::{Designed, ExactField, Goal, Setting, Surface, numerators};
+pub use setting::{Designed, ExactField, Setting, Surface, numerators};
 pub use source::FieldSource;
 pub use stored::{FieldTable, KeptField, KeptFields, StoredField};
 pub use transport::{TransportRequest, carried};

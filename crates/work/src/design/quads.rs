@@ -2,12 +2,11 @@
 
 use chladni_base::{Monitor, Vector3};
 use chladni_mesh::numbering::Translation;
-use chladni_spectral::field::FieldSurface;
 use chladni_spectral::field::quad::{
     Combed, CrossField, CrossParameters, Parametrisation, ParametrisationParameters, VertexOrder, comb, creases,
-    crosses_of, crowded, parametrise, split, write_matching, write_obj, write_raw_field, write_singularities,
-    write_vtk,
+    crowded, parametrise, split, write_matching, write_obj, write_raw_field, write_singularities, write_vtk,
 };
+use chladni_spectral::field::{FieldSurface, Matching};
 use chladni_spectral::operator::frames::{complex, parts, power};
 use chladni_spectral::operator::transport::FieldKind;
 use serde::{Deserialize, Serialize};
@@ -56,7 +55,7 @@ fn yes() -> bool {
 /// Which cross field: exactly one of the four.
 #[derive(Debug, Clone, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-#[serde(rename_all = "snake_case")]
+#[serde(rename_all = "snake_case", try_from = "CrossSources")]
 pub enum CrossSource {
     /// The smoothest one of all that follow creases and boundaries.
     Aligned(CrossRequest),
@@ -69,6 +68,33 @@ pub enum CrossSource {
     /// The id of a stored field on the same mesh: a saved design of what `basis` may be of, or an upload of what
     /// `table` has.
     Stored(String),
+}
+
+/// The members that a source may have.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CrossSources {
+    aligned: Option<CrossRequest>,
+    table: Option<Table>,
+    basis: Option<BasisField>,
+    stored: Option<String>,
+}
+
+impl TryFrom<CrossSources> for CrossSource {
+    type Error = &'static str;
+
+    fn try_from(sources: CrossSources) -> Result<Self, Self::Error> {
+        match sources {
+            CrossSources { aligned: Some(wanted), table: None, basis: None, stored: None } => Ok(Self::Aligned(wanted)),
+            CrossSources { aligned: None, table: Some(table), basis: None, stored: None } => Ok(Self::Table(table)),
+            CrossSources { aligned: None, table: None, basis: Some(field), stored: None } => Ok(Self::Basis(field)),
+            CrossSources { aligned: None, table: None, basis: None, stored: Some(id) } => Ok(Self::Stored(id)),
+            CrossSources { aligned: None, table: None, basis: None, stored: None } => {
+                Err("a field is given by one of aligned, table, basis and stored")
+            }
+            _ => Err("a field is given by one of aligned, table, basis and stored, not by several"),
+        }
+    }
 }
 
 impl Default for CrossSource {
@@ -226,6 +252,8 @@ pub struct SplitSurface {
 pub struct Crosses {
     /// Two numbers for each face.
     pub field: Vec<f32>,
+    /// Where it turns by more than half a turn from face to face, as far as that is known.
+    pub matching: Vec<Matching>,
     /// By how much it misses what it was to follow.
     pub error: Option<[f64; 2]>,
 }
@@ -279,10 +307,11 @@ impl CrossSource {
                     directions: found.iter().map(|c| (c.face, quarter([c.value[0], c.value[1]]))).collect(),
                 };
                 let cross = CrossField::aligned(&surface.surface, &parameters, monitor)?;
-                Ok(Some(Crosses { field: cross.field, error: Some(cross.crease_error) }))
+                Ok(Some(Crosses { field: cross.field, matching: Vec::new(), error: Some(cross.crease_error) }))
             }
             Self::Table(table) => {
-                Ok(Some(Crosses { field: given(&surface.surface, table, "field.table")?, error: None }))
+                let field = given(&surface.surface, table, "field.table")?;
+                Ok(Some(Crosses { field, matching: Vec::new(), error: None }))
             }
             Self::Basis(_) | Self::Stored(_) => Ok(None),
         }
@@ -337,17 +366,16 @@ impl KeptField {
     /// [`DesignFault::Request`] says what does not fit.
     pub fn crosses(&self, surface: &FieldSurface) -> Result<Crosses, DesignFault> {
         let place = "field.stored";
-        let field = match self.kind {
-            None => {
-                let values = self.values.iter().map(|&x| f64::from(x)).collect();
-                given(surface, &Table { columns: self.columns, values }, place)?
-            }
-            Some(kind) => crosses_of(kind, &self.values).ok_or_else(|| {
-                let reason = "does not define crosses: it must be of vectors, n-vectors with n 1, 2 or 4, or tensors";
-                refused("field", place, reason)
-            })?,
+        let Some(lifted) = self.lifted(surface) else {
+            let values = self.values.iter().map(|&x| f64::from(x)).collect();
+            let field = given(surface, &Table { columns: self.columns, values }, place)?;
+            return Ok(Crosses { field, matching: Vec::new(), error: None });
         };
-        Ok(Crosses { field, error: None })
+        let crosses = lifted.crosses(surface).map_err(|misfit| refused("field", place, misfit.to_string()))?;
+        crosses.ok_or_else(|| {
+            let reason = "does not define crosses: it must be of vectors, n-vectors with n 1, 2 or 4, or tensors";
+            refused("field", place, reason)
+        })
     }
 }
 
@@ -363,7 +391,7 @@ impl QuadsRequest {
         order: &VertexOrder,
         monitor: &dyn Monitor,
     ) -> Result<Quads, DesignFault> {
-        let combed = comb(surface, &crosses.field, &[])?;
+        let combed = comb(surface, &crosses.field, &crosses.matching)?;
         monitor.checkpoint()?;
         let spacing = self.spacing.unwrap_or_else(|| surface.frames().area().sqrt() / 30.0);
         if let Some(value) = self.creases.filter(|a| !(*a > 0.0 && *a <= 180.0)) {

@@ -262,19 +262,16 @@ pub enum NamedWeights {
 pub struct SingularitiesRequest {
     /// The singular vertices; on a component without boundary their indices add up to its Euler characteristic.
     pub at: Vec<SingularVertex>,
-    /// The weight of the squared deviation from that field.
-    #[serde(default = "hundred")]
-    #[cfg_attr(feature = "schema", schema(default = 100.0))]
-    pub weight: f64,
+    /// The weight of the squared deviation from that field. By default a hundred times what that field resists with in
+    /// the space, its energy for each square of its length: it is then missed by about a percent, as a stroke of
+    /// strength 1 is, in spaces of all dimensions.
+    #[cfg_attr(feature = "schema", schema(minimum = 0.0))]
+    pub weight: Option<f64>,
     /// Whether the field itself is wanted: of length 1 everywhere, not of the space, with exactly these singularities,
-    /// on each component turned to fit the strokes there. Coefficients and energies are those of the design that stays
-    /// close to it.
+    /// on each component turned to fit the strokes there, or where there are none the alignment. Coefficients and
+    /// energies are those of the design that stays close to it.
     #[serde(default)]
     pub exact: bool,
-}
-
-fn hundred() -> f64 {
-    100.0
 }
 
 /// A vertex at which a field is singular.
@@ -380,10 +377,6 @@ impl DesignRequest {
     /// # Errors
     /// [`DesignFault`] names the member that does not fit.
     pub fn check(&self) -> Result<(), DesignFault> {
-        if self.alignment.is_some() && self.singularities.is_some() {
-            let reason = "give either an alignment or prescribed singularities, not both";
-            return Err(refused("alignment", "singularities", reason));
-        }
         if self.singularities.as_ref().is_some_and(|wanted| wanted.exact) && !self.constraints.is_empty() {
             let reason =
                 "a field of length 1 that is turned as a whole cannot meet directions exactly; use strokes instead";
@@ -411,7 +404,8 @@ impl DesignRequest {
             weight_fits(strength.max(0.0), &format!("strokes[{at}].strength"))?;
         }
         self.alignment.iter().try_for_each(|wanted| weight_fits(wanted.weight, "alignment.weight"))?;
-        self.singularities.iter().try_for_each(|wanted| weight_fits(wanted.weight, "singularities.weight"))
+        let singular = self.singularities.iter().filter_map(|wanted| wanted.weight);
+        singular.into_iter().try_for_each(|weight| weight_fits(weight, "singularities.weight"))
     }
 
     /// All constraints, soft ones first.

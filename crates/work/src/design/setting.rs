@@ -16,6 +16,7 @@ use chladni_spectral::field::{
 use chladni_spectral::operator::transport::FieldKind;
 
 use super::faces::FacesRequest;
+use super::goal::{ExactGoal, Goal};
 use super::request::{AlignmentRequest, DesignRequest, SingularVertex, SingularitiesRequest, Weights, refused};
 use super::stored::KeptFields;
 use super::{DesignFault, target};
@@ -125,23 +126,6 @@ pub struct ExactField {
     pub matching: Vec<Matching>,
 }
 
-/// What a field is drawn to as a whole: by which weight, and to what.
-#[derive(Debug, Clone, Default)]
-pub struct Goal {
-    /// Another field.
-    pub alignment: Option<(Arc<Alignment>, f64)>,
-    /// The smoothest field of prescribed singularities.
-    pub prescription: Option<(Arc<Prescription>, f64)>,
-}
-
-impl Goal {
-    /// The prescription whose field itself a request asks for.
-    pub fn exact(&self, request: &DesignRequest) -> Option<Arc<Prescription>> {
-        let wanted = request.singularities.as_ref().is_some_and(|wanted| wanted.exact);
-        self.prescription.as_ref().filter(|_| wanted).map(|prescription| prescription.0.clone())
-    }
-}
-
 impl Setting {
     /// Puts a basis onto its surface.
     ///
@@ -240,7 +224,11 @@ impl Setting {
     /// [`DesignFault::Design`] names the weight that cannot be used.
     pub fn weighted(&self, model: &DesignModel, weights: Weights, goal: Goal) -> Result<WeightedModel, DesignFault> {
         let weights = EnergyWeights { harmonic: weights.harmonic, biharmonic: weights.bending() };
-        Ok(model.weighted_with(weights, goal.alignment.into_iter().collect(), goal.prescription)?)
+        let firm = |(wanted, weight): (Arc<Prescription>, Option<f64>)| {
+            let weight = weight.unwrap_or_else(|| wanted.firm(weights));
+            (wanted, weight)
+        };
+        Ok(model.weighted_with(weights, goal.alignment.into_iter().collect(), goal.prescription.map(firm))?)
     }
 
     /// The field of least energy under the constraints.
@@ -459,7 +447,11 @@ impl Setting {
         let must = request.must_be_of_surface();
         if !self.is_of_surface(full, request) {
             if request.error {
-                designed.error = Some(full.distance(weighted, basis, constraints, design, monitor)?);
+                designed.error = match full.distance(weighted, basis, constraints, design, monitor) {
+                    // What it would be compared with is not the field of a bounded length.
+                    Err(RefineError::Unbounded { .. }) => None,
+                    found => Some(found?),
+                };
             }
             return Ok(());
         }
@@ -480,7 +472,12 @@ impl Setting {
         let refined = match whole() {
             Ok(refined) => refined,
             // There is no such field to be had: that of the basis will do, and is told apart by its space.
-            Err(RefineError::NotConverged { .. } | RefineError::Incomplete | RefineError::Weights { .. }) if !must => {
+            Err(
+                RefineError::NotConverged { .. }
+                | RefineError::Incomplete
+                | RefineError::Weights { .. }
+                | RefineError::Unbounded { .. },
+            ) if !must => {
                 return Ok(());
             }
             Err(error) => return Err(error.into()),
@@ -528,9 +525,9 @@ impl Setting {
 
     /// What was designed with the field of exactly the prescribed singularities, where [`Goal::exact`] says that it is
     /// wanted.
-    pub fn exactly(&self, wanted: Option<Arc<Prescription>>, mut designed: Designed) -> Designed {
-        if let Some(prescription) = wanted {
-            let (field, matching) = prescription.exact(&self.surface.surface, &designed.constraints);
+    pub fn exactly(&self, wanted: Option<ExactGoal>, mut designed: Designed) -> Designed {
+        if let Some(ExactGoal { prescription, alignment }) = wanted {
+            let (field, matching) = prescription.exact(&self.surface.surface, &designed.constraints, &alignment);
             let b = self.kind().block();
             let missing = |c: &Constraint| {
                 let own = field.iter().skip(b * c.face as usize).take(b);

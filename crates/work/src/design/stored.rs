@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 
+use chladni_spectral::field::FieldSurface;
 use chladni_spectral::operator::frames::{Complex64, complex, parts, power};
 use chladni_spectral::operator::transport::FieldKind;
 use serde::{Deserialize, Serialize};
 
 use super::request::refused;
 use super::target::given;
-use super::{DesignFault, Setting};
+use super::{DesignFault, Lifted, MatchedFaces, Setting};
 use crate::table::{Table, some_numbers};
 
 /// A stored field by its id.
@@ -70,6 +71,9 @@ pub struct KeptField {
     pub columns: usize,
     /// The numbers, face after face.
     pub values: Arc<Vec<f32>>,
+    /// The faces between which it turns by more than half a turn, in the numbering of the kept mesh, where a design
+    /// with exact singularities says so.
+    pub matching: Option<Arc<Vec<MatchedFaces>>>,
 }
 
 /// The stored fields that a request names, found by who keeps them.
@@ -87,6 +91,12 @@ pub(super) fn nowhere(place: &str) -> DesignFault {
 }
 
 impl KeptField {
+    /// Its own numbers with their matching, where it was designed.
+    pub fn lifted(&self, surface: &FieldSurface) -> Option<Lifted> {
+        let matching = self.matching.as_ref().and_then(|matched| MatchedFaces::on(matched, surface));
+        Some(Lifted { kind: self.kind?, field: self.values.to_vec(), matching })
+    }
+
     /// Its numbers as the basis stores them. Fields of fewer directions are fields of more where the one number divides
     /// the other; of the three columns of an upload, vectors in ℝ³ are meant unless the basis is of tensors.
     ///

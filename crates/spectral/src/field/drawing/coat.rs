@@ -8,7 +8,8 @@ use chladni_base::{Cancelled, Monitor, SplitMix64, Vector3};
 use crate::operator::frames::complex;
 
 use super::super::surface::FieldSurface;
-use super::light::{blend, corner_normals};
+use super::light::blend;
+use super::outward::outward_normals;
 use super::{cross, dot, unit_vector};
 
 /// Points that a strand has at most.
@@ -93,7 +94,7 @@ pub fn grow(
     }
     monitor.stage("fur");
     let vectors = at_vertices(surface, field);
-    let normals = corner_normals(surface.mesh());
+    let normals = outward_normals(surface);
     let grower = Grower { surface, vectors, normals, lengths, p, down: unit_vector(p.down) };
     let mut coat = Coat { points: p.points, ..Coat::default() };
     let mut random = SplitMix64::new(p.seed);

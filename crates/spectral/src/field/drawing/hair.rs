@@ -9,7 +9,8 @@ use chladni_base::{Cancelled, Monitor, SplitMix64};
 use super::super::surface::FieldSurface;
 use super::camera::{Camera, View, diagonal};
 use super::coat::Coat;
-use super::light::{blend, corner_normals, from_light, usual};
+use super::light::{blend, from_light, usual};
+use super::outward::outward_normals;
 use super::png::png;
 use super::screen::{Screen, fill};
 use super::strand::{Band, Nib};
@@ -162,7 +163,7 @@ impl Canvas {
         let background = style.background.map(|c| linear(c) as f32);
         let mut colour = vec![background; depths.len()];
         let base = style.colour.map(linear);
-        let normals = corner_normals(mesh);
+        let normals = outward_normals(surface);
         for (f, face) in mesh.faces.iter().enumerate() {
             let corners = face.map(|v| screen.view.project(mesh.positions[v as usize]));
             let [Some(a), Some(b), Some(c)] = corners else { continue };

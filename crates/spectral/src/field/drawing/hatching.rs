@@ -12,8 +12,9 @@ use super::super::streamline::Streamline;
 use super::super::surface::FieldSurface;
 use super::camera::{Camera, View};
 use super::ink::{Drawing, Nib};
-use super::light::{Light, blend, corner_normals};
+use super::light::{Light, blend};
 use super::outline::outlines;
+use super::outward::outward_normals;
 use super::screen::Screen;
 use super::{cross, dot};
 
@@ -109,7 +110,7 @@ pub fn hatch(
     let fine = if 4 * pixels <= MOST_SAMPLES { 2 } else { 1 };
     let seen = Screen::new(surface.mesh(), camera, fine).zip(View::new(camera, 1));
     let Some((screen, paper)) = seen else { return Ok(None) };
-    let normals = corner_normals(surface.mesh());
+    let normals = outward_normals(surface);
     let stroke = if style.stroke.is_finite() { style.stroke.clamp(0.01, 100.0) } else { 1.0 };
     let light = style.tone.map(|tone| Light::new(surface.mesh(), &paper, tone.light, tone.shadows));
     let lit = style.tone.zip(light.as_ref());

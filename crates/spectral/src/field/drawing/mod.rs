@@ -5,6 +5,7 @@
 //! | `camera` | where a picture is seen from |
 //! | `screen` | depth and face of the surface at every pixel, and what hides what |
 //! | `light` | normals, brightness and shadows |
+//! | `outward` | which side of a surface is its outside |
 //! | `outline` | silhouettes, creases and boundaries as chains of pieces |
 //! | `hatching` | which parts of lines are drawn, and how wide |
 //! | `ink` | strokes as SVG and as pixels |
@@ -20,6 +21,7 @@ mod hatching;
 mod ink;
 mod light;
 mod outline;
+mod outward;
 mod png;
 mod screen;
 mod strand;
@@ -45,3 +47,4 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 fn unit_vector(a: [f64; 3]) -> [f64; 3] {
     crate::operator::frames::unit_vector(a.into()).into()
 }
+pub(super) use outward::outward;

@@ -49,6 +49,18 @@ use super::poisson::PoissonError;
 /// The most coordinates that are rounded: each takes a solve, and a row of a dense matrix.
 pub const MOST_ROUNDED: usize = 4096;
 
+/// What helps against a zero around which no quads can meet.
+fn remedy(held: bool) -> &'static str {
+    match held {
+        true => {
+            "all faces around it lie at creases or boundaries, whose directions leave no other. Take a mesh with a ring of vertices between, creases of a larger angle that leave these out, or a field whose singular vertices are prescribed, of a basis of 4-vectors"
+        }
+        false => {
+            "give directions on faces around it that have less, or a field whose singular vertices are prescribed, of a basis of 4-vectors"
+        }
+    }
+}
+
 /// Why there is no cross field, or no parametrisation.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum QuadError {
@@ -97,13 +109,16 @@ pub enum QuadError {
     },
     /// The smoothest field has a zero of so high an order that no quads meet there.
     #[error(
-        "around vertex {vertex} the smoothest field has the index {index}, where no quads can meet, and no field near it has less: give a direction on a face next to it"
+        "around vertex {vertex} the smoothest field has the index {index}, where no quads can meet, and no field near it has less: {}",
+        remedy(*held)
     )]
     Zero {
         /// The vertex.
         vertex: u32,
         /// The index.
         index: f64,
+        /// Whether the directions of all faces around it are held.
+        held: bool,
     },
     /// Too many coordinates would have to be rounded.
     #[error(

@@ -70,7 +70,12 @@ pub(super) fn split_zeros(
     }
     match least {
         (None, field) => Ok(field),
-        (Some(Zero { vertex, numerator }), _) => Err(QuadError::Zero { vertex, index: f64::from(numerator) / 4.0 }),
+        (Some(Zero { vertex, numerator }), _) => {
+            let mut corners = Vec::new();
+            surface.dual().fan(surface.mesh(), vertex, &mut corners);
+            let held = corners.iter().all(|&corner| held[corner as usize / 3].is_some());
+            Err(QuadError::Zero { vertex, index: f64::from(numerator) / 4.0, held })
+        }
     }
 }
 
@@ -79,7 +84,7 @@ fn impossible(zeros: &[Zero]) -> Option<Zero> {
     zeros.iter().find(|zero| zero.numerator >= NO_QUADS).copied()
 }
 
-/// Vertices around which a field turns by more than a simple zero does.
+/// Vertices around which a field turns by more than a simple zero does, or no quads can meet.
 fn zeros(surface: &FieldSurface, held: &[Option<Complex64>], field: &[Complex64]) -> Vec<Zero> {
     let (dual, frames, mesh) = (surface.dual(), surface.frames(), surface.mesh());
     let unit = |(value, held): (&Complex64, &Option<Complex64>)| {
@@ -101,7 +106,9 @@ fn zeros(surface: &FieldSurface, held: &[Option<Complex64>], field: &[Complex64]
             let edge = dual.edges(face)[(k + 1) % 3] as usize;
             rotation += if dual.edge_faces()[edge][0] as usize == face { angles[edge] } else { -angles[edge] };
         }
-        (rotation.abs() >= SIMPLE).then(|| Zero { vertex, numerator: ((rotation + 4.0 * defect) / TAU).round() as i32 })
+        // At a tip as sharp as a needle a field that hardly turns has an index of 1 by the curvature alone.
+        let numerator = ((rotation + 4.0 * defect) / TAU).round() as i32;
+        (rotation.abs() >= SIMPLE || numerator >= NO_QUADS).then_some(Zero { vertex, numerator })
     };
     let vertices = (0..mesh.positions.len() as u32).into_par_iter().with_min_len(1 << 12);
     vertices.map_init(Vec::new, one).flatten_iter().collect()

@@ -1,6 +1,7 @@
 //! Lagrange multipliers: what pulls at each constrained number so that the constraints are met.
 
-use chladni_algebra::{DefiniteError, DefiniteFactor, DenseMatrix, solve_definite};
+use chladni_algebra::{DefiniteError, DefiniteFactor, DenseMatrix, lowest_symmetric, solve_definite};
+use chladni_base::Unwatched;
 
 use super::super::compliance::{mean_of_diagonal, slacks};
 use super::super::constraints::{Condition, HARD, Slack};
@@ -19,7 +20,26 @@ pub(in super::super) struct System {
     mean: f64,
     /// By how much each number gives way to a pull; nothing where a constraint is hard.
     slacks: Vec<f64>,
+    /// How much fields without energy were added to it.
+    held: f64,
 }
+
+/// How much there is of each field without energy.
+pub(in super::super) struct Shares {
+    /// In the field.
+    pub amounts: Vec<f64>,
+    /// In what constraints are missing.
+    pub taken: Vec<f64>,
+}
+
+/// Fields without energy, of length 1 in the mean, are mixed to no more than so many times the longest value that is
+/// asked for: where they are small at constraints, as harmonic fields are far from their holes, they would meet these
+/// at no cost with fields of any length. What is missing costs energy then. No more is needed where they are about as
+/// long everywhere.
+pub(in super::super) const LONGEST_IDLE: f64 = 3.0;
+
+/// Steps of bisection: to the last digit over 40 orders of magnitude.
+const BISECTIONS: usize = 200;
 
 impl WeightedModel {
     /// What pulls at each constrained number; puts the part of the solution that has no energy into `z`.
@@ -44,10 +64,10 @@ impl WeightedModel {
             system.refine(right.column(0), conditions, b, &mut y)?;
         }
         if kernel.count() > 0 {
-            let amounts = amounts_of_kernel(&right, &solutions)?;
-            for (j, &amount) in amounts.iter().enumerate() {
+            let shares = system.shares_of_kernel(&right, &solutions, b, &mut None)?;
+            for (j, (&amount, &taken)) in shares.amounts.iter().zip(&shares.taken).enumerate() {
                 kernel.add(j, amount, z);
-                y.iter_mut().zip(solutions.column(1 + j)).for_each(|(y, t)| *y -= amount * t);
+                y.iter_mut().zip(solutions.column(1 + j)).for_each(|(y, t)| *y -= taken * t);
             }
         }
         Ok(y)
@@ -90,14 +110,14 @@ impl System {
                 *slack = 0.0;
             }
         }
-        hold_idle(&mut matrix, mean, (right, yielding));
+        let held = hold_idle(&mut matrix, mean, (right, yielding));
         let factor = DefiniteFactor::new(matrix.clone()).map_err(|error| match error {
             DefiniteError::NotPositiveDefinite { pivot } => {
                 DesignError::Dependent { face: conditions[(pivot / b).min(conditions.len() - 1)].face }
             }
             other => DesignError::Factor(other),
         })?;
-        Ok(Self { matrix, factor, mean, slacks })
+        Ok(Self { matrix, factor, mean, slacks, held })
     }
 
     /// What is missing at each constrained number of a field, whose numbers there are `values`, under pulls; and the
@@ -143,11 +163,11 @@ impl System {
 /// Adds `c N Nᵀ` to what pulls move, with the values `N` of fields without energy. Pulls do no work on these,
 /// `Nᵀ y = 0`, so that it changes no solution; but where nothing else moves, as on a component of which the space has
 /// these fields alone, it is what the system is solved by. Without, all that it had there was rounding, whose inverse
-/// drowned what the other components say.
-fn hold_idle(matrix: &mut DenseMatrix, mean: f64, (right, yielding): (&DenseMatrix, f64)) {
+/// drowned what the other components say. Gives `c`.
+fn hold_idle(matrix: &mut DenseMatrix, mean: f64, (right, yielding): (&DenseMatrix, f64)) -> f64 {
     let (k, columns) = (matrix.columns(), right.columns());
     if columns < 2 || k == 0 {
-        return;
+        return 0.0;
     }
     let mut values = DenseMatrix::zeros(columns - 1, k);
     for j in 1..columns {
@@ -155,10 +175,12 @@ fn hold_idle(matrix: &mut DenseMatrix, mean: f64, (right, yielding): (&DenseMatr
     }
     let products = values.transposed_times(&values);
     let size = mean_of_diagonal(&products);
-    if size > 0.0 {
-        let scale = if mean > 0.0 { (mean / size).max(yielding) } else { yielding.max(1.0) };
-        matrix.values_mut().iter_mut().zip(products.values()).for_each(|(own, product)| *own += scale * product);
+    if !(size > 0.0) {
+        return 0.0;
     }
+    let scale = if mean > 0.0 { (mean / size).max(yielding) } else { yielding.max(1.0) };
+    matrix.values_mut().iter_mut().zip(products.values()).for_each(|(own, product)| *own += scale * product);
+    scale
 }
 
 fn is_hard(condition: &Condition) -> bool {
@@ -184,13 +206,111 @@ fn right_hand_sides(
     right
 }
 
-/// How much of each field of the kernel there is; where constraints do not say, as little as possible.
-pub(in super::super) fn amounts_of_kernel(
-    right: &DenseMatrix,
-    solutions: &DenseMatrix,
-) -> Result<Vec<f64>, DesignError> {
-    let free = right.columns() - 1;
-    let products = right.transposed_times(solutions);
+impl System {
+    /// How much of each field of the kernel there is; where constraints do not say, as little as possible, and no more
+    /// than [`LONGEST_IDLE`] allows. Whether that is so is told by the first of several steps and kept in `yielding`, by
+    /// how much these fields give way then.
+    pub(in super::super) fn shares_of_kernel(
+        &self,
+        right: &DenseMatrix,
+        solutions: &DenseMatrix,
+        b: usize,
+        yielding: &mut Option<f64>,
+    ) -> Result<Shares, DesignError> {
+        let free = right.columns() - 1;
+        let products = right.transposed_times(solutions);
+        if yielding.is_none() {
+            let amounts = amounts_of_kernel(&products)?;
+            let most = LONGEST_IDLE * longest(right.column(0), b);
+            if norm(&amounts) <= most {
+                *yielding = Some(f64::INFINITY);
+                return Ok(Shares { taken: amounts.clone(), amounts });
+            }
+            let own = Mixture::of(&products)?;
+            *yielding = Some(own.yielding(self.held, most));
+        }
+        match *yielding {
+            Some(yielding) if yielding.is_finite() => Ok(Mixture::of(&products)?.shares(self.held, yielding)),
+            _ if free == 0 => Ok(Shares { amounts: Vec::new(), taken: Vec::new() }),
+            _ => {
+                let amounts = amounts_of_kernel(&products)?;
+                Ok(Shares { taken: amounts.clone(), amounts })
+            }
+        }
+    }
+}
+
+/// The length of the longest of some values of `b` numbers.
+pub(in super::super) fn longest(values: &[f64], b: usize) -> f64 {
+    values.chunks(b.max(1)).map(norm).fold(0.0, f64::max)
+}
+
+pub(in super::super) fn norm(values: &[f64]) -> f64 {
+    values.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// Fields without energy in mixtures that the system has nothing in common for: with `S' = S + c N Nᵀ`, `Nᵀ S'⁻¹ N` is
+/// diagonal in them.
+struct Mixture {
+    /// A mixture in each column.
+    vectors: DenseMatrix,
+    /// The diagonal.
+    diagonal: Vec<f64>,
+    /// `Nᵀ S'⁻¹` of what is missing.
+    known: Vec<f64>,
+}
+
+impl Mixture {
+    fn of(products: &DenseMatrix) -> Result<Self, DesignError> {
+        let free = products.columns() - 1;
+        let mut square = DenseMatrix::zeros(free, free);
+        for j in 0..free {
+            for i in 0..free {
+                square.column_mut(j)[i] = 0.5 * (products.column(1 + j)[1 + i] + products.column(1 + i)[1 + j]);
+            }
+        }
+        let pairs = lowest_symmetric(square, free, &Unwatched).map_err(DesignError::Eigen)?;
+        let dot = |column: &[f64]| column.iter().zip(&products.column(0)[1..]).map(|(v, q)| v * q).sum();
+        let known = (0..free).map(|k| dot(pairs.vectors.column(k))).collect();
+        Ok(Self { vectors: pairs.vectors, diagonal: pairs.values, known })
+    }
+
+    /// What each mixture is answered with where fields without energy give way by `w`, `S + w N Nᵀ`: the amount, and
+    /// what is taken from `S'⁻¹` of what is missing, which has given way by `c` already.
+    fn answer(&self, held: f64, yielding: f64) -> impl Iterator<Item = [f64; 2]> + '_ {
+        self.diagonal.iter().zip(&self.known).map(move |(&p, q)| {
+            let share = q / ((1.0 - held * p).max(0.0) + yielding * p).max(f64::MIN_POSITIVE);
+            [yielding * share, (yielding - held) * share]
+        })
+    }
+
+    /// By how much they give way where they are as long as they may be.
+    fn yielding(&self, held: f64, most: f64) -> f64 {
+        let size = |w: f64| self.answer(held, w).map(|[amount, _]| amount * amount).sum::<f64>().sqrt();
+        let scale = self.diagonal.iter().copied().fold(0.0, f64::max).max(f64::MIN_POSITIVE).recip();
+        let (mut low, mut high) = (1e-20 * scale, 1e20 * scale);
+        for _ in 0..BISECTIONS {
+            let middle = (low * high).sqrt();
+            *(if size(middle) <= most { &mut low } else { &mut high }) = middle;
+        }
+        low
+    }
+
+    fn shares(&self, held: f64, yielding: f64) -> Shares {
+        let size = self.diagonal.len();
+        let (mut amounts, mut taken) = (vec![0.0; size], vec![0.0; size]);
+        for (k, [amount, own]) in self.answer(held, yielding).enumerate() {
+            let column = self.vectors.column(k);
+            amounts.iter_mut().zip(column).for_each(|(a, v)| *a += amount * v);
+            taken.iter_mut().zip(column).for_each(|(t, v)| *t += own * v);
+        }
+        Shares { amounts, taken }
+    }
+}
+
+/// How much of each field of the kernel there is where that costs nothing.
+fn amounts_of_kernel(products: &DenseMatrix) -> Result<Vec<f64>, DesignError> {
+    let free = products.columns() - 1;
     let largest = (0..free).map(|j| products.column(1 + j)[1 + j]).fold(0.0, f64::max);
     let mut square = DenseMatrix::zeros(free, free);
     let mut known = DenseMatrix::zeros(free, 1);
