@@ -293,6 +293,25 @@ impl Keeper<'_> {
 mod tests {
     use super::*;
 
+    /// What has labels, or may be absent, is told of once it has a value.
+    fn with_a_value_of_each() -> Metrics {
+        let metrics = Metrics::new().unwrap();
+        metrics.http_requests.with_label_values(&["/", "GET", "200"]).inc();
+        metrics.http_request_seconds.with_label_values(&["/", "GET"]).observe(1.0);
+        metrics.jobs.with_label_values(&["eigenbasis", "failed"]).set(1);
+        metrics.job_queue_seconds.with_label_values(&["eigenbasis"]).observe(1.0);
+        metrics.job_run_seconds.with_label_values(&["eigenbasis", "eigen"]).observe(1.0);
+        metrics.reduced_solve_seconds.with_label_values(&["filter"]).observe(1.0);
+        metrics.database_bytes.with_label_values(&["meta"]).set(1);
+        for own in [&metrics.wal_bytes, &metrics.free_bytes, &metrics.least_free_bytes, &metrics.queue_age_seconds] {
+            own.set(Some(1));
+        }
+        metrics.store_info.with_label_values(&["sqlite", "sqlite"]).set(1);
+        metrics.workers.with_label_values(&["1", "all", "0.1.0+5"]).set(1);
+        metrics.worker_seats.with_label_values(&["1", "all", "0.1.0+5"]).set(1);
+        metrics
+    }
+
     #[test]
     fn every_metric_is_rendered_with_its_prefix() {
         let metrics = Metrics::new().unwrap();
@@ -326,20 +345,7 @@ mod tests {
     /// not know.
     #[test]
     fn metrics_are_named_as_prometheus_would_have_them() {
-        let metrics = Metrics::new().unwrap();
-        metrics.http_requests.with_label_values(&["/", "GET", "200"]).inc();
-        metrics.http_request_seconds.with_label_values(&["/", "GET"]).observe(1.0);
-        metrics.jobs.with_label_values(&["eigenbasis", "failed"]).set(1);
-        metrics.job_queue_seconds.with_label_values(&["eigenbasis"]).observe(1.0);
-        metrics.job_run_seconds.with_label_values(&["eigenbasis", "eigen"]).observe(1.0);
-        metrics.reduced_solve_seconds.with_label_values(&["filter"]).observe(1.0);
-        metrics.database_bytes.with_label_values(&["meta"]).set(1);
-        for own in [&metrics.wal_bytes, &metrics.free_bytes, &metrics.least_free_bytes, &metrics.queue_age_seconds] {
-            own.set(Some(1));
-        }
-        metrics.store_info.with_label_values(&["sqlite", "sqlite"]).set(1);
-        metrics.workers.with_label_values(&["1", "all", "0.1.0+5"]).set(1);
-        metrics.worker_seats.with_label_values(&["1", "all", "0.1.0+5"]).set(1);
+        let metrics = with_a_value_of_each();
         let families = metrics.registry.gather();
         assert!(families.len() > 30, "{}", families.len());
         for family in families {
@@ -386,23 +392,8 @@ mod tests {
     /// What the board and the alerts ask for is what the server has.
     #[test]
     fn boards_and_alerts_name_metrics_that_there_are() {
-        let metrics = Metrics::new().unwrap();
-        let known: Vec<String> = (metrics.registry.gather().iter().map(|family| family.name().to_owned()))
-            .chain(
-                [
-                    "http_requests_total",
-                    "http_request_duration_seconds",
-                    "jobs",
-                    "job_queue_seconds",
-                    "job_run_seconds",
-                ]
-                .map(|name| format!("chladni_{name}")),
-            )
-            .chain(
-                ["reduced_solve_seconds", "database_bytes", "workers", "worker_seats", "store_info"]
-                    .map(|name| format!("chladni_{name}")),
-            )
-            .collect();
+        let metrics = with_a_value_of_each();
+        let known: Vec<String> = metrics.registry.gather().iter().map(|family| family.name().to_owned()).collect();
         let mut asked = 0;
         for text in [include_str!("../deploy/alerts.yml"), include_str!("../deploy/grafana/dashboards/chladni.json")] {
             for word in text.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_')) {

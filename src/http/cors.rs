@@ -9,7 +9,7 @@ use super::middleware::REQUEST_ID;
 const REMEMBERED: std::time::Duration = std::time::Duration::from_secs(3600);
 
 /// The headers of ours that answers have. A browser shows a page of another origin only those that are exposed.
-const OWN: [&str; 20] = [
+const OWN: [&str; 21] = [
     "chladni-columns",
     "chladni-covered",
     "chladni-dtype",
@@ -18,6 +18,7 @@ const OWN: [&str; 20] = [
     "chladni-error",
     "chladni-estimates",
     "chladni-form",
+    "chladni-held-loads",
     "chladni-lines",
     "chladni-matching",
     "chladni-modes",

@@ -284,7 +284,7 @@ async fn filters_and_projections_give_meshes() {
     problem(flat, 422, "invalid-function").await;
     for (transfer, word) in [
         (json!({"kind": "curve", "points": [[1.0, 1.0], [0.0, 1.0]]}), "points must be"),
-        (json!({"kind": "curve", "points": []}), "one at least"),
+        (json!({"kind": "curve", "points": []}), "Points must not be empty"),
         (json!({"kind": "sharpen", "cutoff": 0.0, "strength": 1.0}), "cutoff must be"),
     ] {
         let body = json!({"functions": "coordinates", "transfer": transfer});

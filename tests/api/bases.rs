@@ -175,7 +175,7 @@ async fn functions_and_transfers_that_do_not_fit_are_named() {
         (
             json!({"functions": "coordinates", "transfer": {"kind": "samples", "values": [1.0], "beyond": 0.0}}),
             "invalid-transfer-function",
-            "1 samples",
+            "3 samples, one for each eigenvalue, got 1",
         ),
     ] {
         let refused = problem(send(body.clone()).await.unwrap(), 422, kind).await;

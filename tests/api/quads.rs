@@ -61,7 +61,7 @@ async fn a_surface_is_parametrised_along_fields_of_three_sources() {
         (json!({"field": {"table": {"columns": 2, "values": vec![0.0; 2 * faces]}}}), "field", "the row of face 0"),
         (pin(faces, json!([1.0, 0.0, 0.0])), "face", "field.aligned.constraints[0]"),
         (pin(3, json!([0.0, 0.0, 0.0])), "direction", "field.aligned.constraints[0]"),
-        (json!({"field": {"basis": {"id": "none", "field": {"eigenfield": 0}}}}), "basis", "no id"),
+        (json!({"field": {"basis": {"id": "none", "field": {"eigenfield": 0}}}}), "basis", "is not the id of a basis"),
     ] {
         let refused = app.post(&url).json(&body).send().await.unwrap();
         let refused = problem(refused, 422, &format!("invalid-design/{kind}")).await;

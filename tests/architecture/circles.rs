@@ -22,7 +22,7 @@ const CIRCLES: &[&str] = &[
     // Who calls, from where, and how many of them are let in: one thing in four files.
     "chladni: http: access client seats serve",
     // Each kind of resource names the documentation of the others that it links to.
-    "chladni: http: comparisons details docs jobs map_collections maps shapes",
+    "chladni: http: comparisons details docs jobs map_collections shapes",
     // The document asks its parts for what they add, and they walk it.
     "chladni: http: document kinds variants",
     // What a resource links to is a part of its answer, and is made of what it was made of.
@@ -31,8 +31,8 @@ const CIRCLES: &[&str] = &[
     "chladni: queue::process: delivery processes",
     // Records that refer to each other are deleted and counted together.
     "chladni: store: bases collection fields job_bases jobs leases meshes parts sources",
-    // Blobs may lie in a bucket, which is reached by pieces as blobs are.
-    "chladni: store: blobs objects",
+    // Blobs may lie in a bucket, which is reached by pieces as blobs are, and knows the database that it belongs to.
+    "chladni: store: blobs object_identity objects",
     "mesh: read: builder polygon",
     // A node of a document, and the document.
     "mesh: read: gltf gltf_nodes",

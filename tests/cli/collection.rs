@@ -102,7 +102,7 @@ fn collections_that_cannot_be_mapped_are_refused_in_a_sentence() {
         (&[&one], 2, "1 files were given"),
         (&[&one, &path("none.obj")], 3, "none.obj"),
         (&[&one, &one, "-p", "colour=red"], 2, "colour"),
-        (&[&one, &one, "--pairs", "3"], 1, "pairs: 3, where 5 to"),
+        (&[&one, &one, "--pairs", "3"], 1, "pairs must be between 5 and 31, got 3"),
         (&[&one, &one, "--pairs", "9000"], 1, "one.obj: "),
     ];
     for (arguments, expected, word) in cases {

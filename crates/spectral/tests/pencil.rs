@@ -430,7 +430,7 @@ fn what_is_no_pencil_is_refused_by_its_first_entry() {
     assert_eq!(refused(&identity, Mass::Diagonal(vec![1.0, 0.0, 1.0])), "M is not positive definite: M[1, 1] is 0");
     assert_eq!(refused(&identity, Mass::Diagonal(vec![1.0, f64::INFINITY, 1.0])), "M[1, 1] is inf");
     let rank_one = matrix(3, &(0..9).map(|k| (k / 3, k % 3, 1.0)).collect::<Vec<_>>());
-    assert!(refused(&identity, Mass::Sparse(rank_one)).starts_with("M is not positive definite: of row"));
+    assert!(refused(&identity, Mass::Sparse(rank_one)).starts_with("M is not positive definite: elimination of row"));
     let indefinite = matrix(3, &[(0, 0, 1.0), (1, 1, 1.0), (2, 2, 1.0), (1, 2, 2.0), (2, 1, 2.0)]);
     let message = refused(&identity, Mass::Sparse(indefinite));
     assert!(message.contains("of row 1 ") || message.contains("of row 2 "), "{message}");

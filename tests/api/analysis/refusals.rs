@@ -44,7 +44,7 @@ async fn distances_that_cannot_be_are_named() {
                 "time: must be a finite positive number, not -1",
             ),
             (json!({"distance": diffusion(1.0), "sources": vec![0; 257]}), 422, "invalid-analysis", "257"),
-            (json!({"distance": diffusion(1.0)}), 422, "invalid-request", "neither is given"),
+            (json!({"distance": diffusion(1.0)}), 422, "invalid-request", "neither was given"),
             (json!({"distance": diffusion(1.0), "sources": [-1]}), 422, "invalid-request", "sources"),
             (json!({"distance": {"kind": "magic"}, "sources": [0]}), 422, "invalid-request", "magic"),
             (json!({"sources": [0]}), 422, "invalid-request", "distance"),

@@ -261,7 +261,7 @@ mod tests {
         let mut far = sphere(10);
         far[3][2] = -1e31;
         for (positions, kind, text) in [
-            (line, "no-area", "lie on a line"),
+            (line, "no-area", "collinear"),
             (wild, "non-finite-coordinate", "point 7"),
             (far, "coordinate-out-of-range", "point 3 has a coordinate of -1e31"),
             (sphere(3), "too-few-points", "3"),

@@ -466,7 +466,7 @@ mod tests {
             ("\"count\":5", "\"count\":6", "accessor 0 reaches beyond its bytes"),
             ("\"count\":5", "\"count\":3", "index 2 is vertex 3 of 3"),
             ("\"VEC3\"", "\"VEC4\"", "is a VEC4"),
-            ("\"mode\":5", "\"mode\":7", "mesh 0, primitive 0: there is no mode 7"),
+            ("\"mode\":5", "\"mode\":7", "mesh 0, primitive 0: unknown mode 7"),
             ("data:application/octet-stream;base64,", "mesh.bin#", "in another file"),
             ("base64,", "base64,!", "not base64"),
             ("\"asset\"", "\"extensionsRequired\":[\"KHR_draco_mesh_compression\"],\"asset\"", "KHR_draco"),

@@ -33,6 +33,7 @@ mod obj;
 mod obj_attributes;
 mod off;
 mod off_binary;
+mod off_keyword;
 mod ply;
 mod polygon;
 mod stl;
@@ -113,7 +114,8 @@ pub enum MeshFormat {
     Gltf,
     /// A GIFTI surface.
     Gifti,
-    /// Arrays `vertices`, `faces` and `tetrahedra` in an NPZ file, as `numpy.savez` and `numpy.savez_compressed` write them.
+    /// Arrays `vertices`, `faces` and `tetrahedra` in an NPZ file, as `numpy.savez` and `numpy.savez_compressed` write
+    /// them.
     Npz,
     /// The same as a JSON object.
     Json,
@@ -262,7 +264,7 @@ impl MeshFormat {
             b"v" | b"vt" | b"vn" | b"vp" | b"f" | b"fo" | b"o" | b"g" | b"s" | b"mtllib" | b"usemtl" => {
                 Some(MeshFormat::Obj)
             }
-            word if off::Variant::from_keyword(word).is_some() => Some(MeshFormat::Off),
+            word if off_keyword::Variant::from_keyword(word).is_some() => Some(MeshFormat::Off),
             _ => None,
         }
     }

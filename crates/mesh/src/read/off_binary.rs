@@ -2,7 +2,7 @@
 
 use super::builder::{Builder, zero_based_index};
 use super::error::{Place, ReadError};
-use super::off::Variant;
+use super::off_keyword::Variant;
 use super::{MeshFormat, RawMesh, ReadLimits};
 
 /// Reads what follows the line of the keyword, from the byte `at` on. Normals, colours and texture coordinates of

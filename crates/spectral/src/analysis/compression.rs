@@ -319,14 +319,18 @@ mod tests {
         let text = |bytes: &[u8]| decompress(&basis, bytes).unwrap_err().to_string();
         assert!(
             text(&[]).contains("ends early")
-                && text(b"PK\x03\x04-----------------------------").contains("no compressed")
+                && text(b"PK\x03\x04-----------------------------").contains("not compressed functions")
         );
         for length in 0..good.len() {
             assert!(decompress(&basis, &good[..length]).is_err(), "{length}");
         }
-        for (at, byte, word) in
-            [(4, 9, "version"), (8, 11, "more modes"), (8, 0, "none"), (12, 0, "none"), (16, 31, "another number")]
-        {
+        for (at, byte, word) in [
+            (4, 9, "version"),
+            (8, 11, "modes"),
+            (8, 0, "modes"),
+            (12, 0, "functions is zero"),
+            (16, 31, "a different number"),
+        ] {
             let mut bad = good.clone();
             bad[at] = byte;
             assert!(text(&bad).contains(word), "{at}: {}", text(&bad));
@@ -337,7 +341,7 @@ mod tests {
             assert!(text(&bad).contains("step"));
         }
         let other = chain(30, 9);
-        assert!(decompress(&other, &good).unwrap_err().to_string().contains("more modes"));
+        assert!(decompress(&other, &good).unwrap_err().to_string().contains("exceeds that of the basis"));
     }
 
     #[test]
@@ -348,7 +352,13 @@ mod tests {
         assert!(decompress(&basis, &packed.bytes).unwrap().values().iter().all(|x| *x == 0.0));
         let x = functions(30);
         let error = |pairs, bits| compress(&basis, &x, pairs, bits).unwrap_err().to_string();
-        assert!(error(0, 8).starts_with("pairs: 0") && error(11, 8).starts_with("pairs: 11"));
-        assert!(error(5, 1).starts_with("bits: 1") && error(5, 31).starts_with("bits: 31"));
+        assert!(
+            error(0, 8).ends_with("pairs must be between 1 and 10, got 0")
+                && error(11, 8).ends_with("pairs must be between 1 and 10, got 11")
+        );
+        assert!(
+            error(5, 1).ends_with("bits must be between 2 and 30, got 1")
+                && error(5, 31).ends_with("bits must be between 2 and 30, got 31")
+        );
     }
 }

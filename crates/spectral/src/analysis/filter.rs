@@ -317,7 +317,7 @@ mod tests {
         assert_eq!(factors(Transfer::HighPass { cutoff: -1.0 }).0, [0.0, 1.0, 1.0, 1.0]);
         assert_eq!(factors(Transfer::Sharpen { cutoff: 2.0, strength: 1.0 }).0[..3], [1.0, 1.0, 1.2]);
         let boundless = Transfer::Heat { time: 1e3 }.factors(&values).unwrap_err().to_string();
-        assert!(boundless.starts_with("time is 1000, where a time for which"), "{boundless}");
+        assert!(boundless.starts_with("time must be a time for which"), "{boundless}");
     }
 
     #[test]
@@ -334,14 +334,29 @@ mod tests {
         let (basis, x) = (chain(10, 3), functions(10, 1));
         let error = |transfer: Transfer| filter(&basis, &x, &transfer).unwrap_err().to_string();
         assert_eq!(error(Transfer::Heat { time: -1.0 }), "time must be a finite number that is not negative, got -1");
-        assert!(error(Transfer::LowPass { cutoff: f64::NAN }).starts_with("cutoff is NaN"));
-        assert!(error(Transfer::BandPass { low: 2.0, high: 1.0 }).starts_with("high is 1"));
-        assert_eq!(error(Transfer::Samples { values: vec![1.0; 2], beyond: 0.0 }), "2 samples for 3 eigenvalues");
-        assert!(error(Transfer::Sharpen { cutoff: 0.0, strength: 1.0 }).starts_with("cutoff is 0"));
-        assert!(error(Transfer::Sharpen { cutoff: 1.0, strength: -1.5 }).starts_with("strength is -1.5"));
+        assert!(error(Transfer::LowPass { cutoff: f64::NAN }).ends_with("cutoff must be a finite number, got NaN"));
+        assert!(
+            error(Transfer::BandPass { low: 2.0, high: 1.0 })
+                .ends_with("high must be a finite number not below low, got 1")
+        );
+        assert_eq!(
+            error(Transfer::Samples { values: vec![1.0; 2], beyond: 0.0 }),
+            "expected 3 samples, one for each eigenvalue, got 2"
+        );
+        assert!(
+            error(Transfer::Sharpen { cutoff: 0.0, strength: 1.0 })
+                .starts_with("cutoff must be a finite positive number, got 0")
+        );
+        assert!(
+            error(Transfer::Sharpen { cutoff: 1.0, strength: -1.5 })
+                .starts_with("strength must be a finite number, at least -1, got -1.5")
+        );
         assert_eq!(error(Transfer::Curve { points: vec![] }), "points must not be empty");
         assert_eq!(error(Transfer::Curve { points: vec![[0.0, 1.0], [1.0, f64::NAN]] }), "sample 1 is not finite");
-        assert!(error(Transfer::Curve { points: vec![[1.0, 1.0], [1.0, 2.0]] }).starts_with("points is 1"));
+        assert!(
+            error(Transfer::Curve { points: vec![[1.0, 1.0], [1.0, 2.0]] })
+                .starts_with("points must be an eigenvalue above the one before, got 1")
+        );
         let values = vec![1.0, f64::INFINITY, 0.0];
         assert_eq!(error(Transfer::Samples { values, beyond: 0.0 }), "sample 1 is not finite");
         let short = functions(9, 1);

@@ -356,7 +356,10 @@ mod tests {
         let (mut mesh, basis) = sphere(20);
         let text = |sources: &[u32], time| geodesic(&basis, &mesh, sources, false, time).unwrap_err().to_string();
         assert_eq!(text(&[3, 9999], None), format!("source 1 is vertex 9999 of {}", mesh.positions.len()));
-        assert!(text(&[3], Some(0.0)).starts_with("time is 0") && text(&[], None).starts_with("sources: 0"));
+        assert!(
+            text(&[3], Some(0.0)).starts_with("time must be a finite positive number, got 0")
+                && text(&[], None).ends_with("must be between 1 and 128, got 0")
+        );
         let other = generate(Shape::Sphere, 500).unwrap();
         assert!(geodesic(&basis, &other, &[3], false, None).unwrap_err().to_string().contains("the mesh"));
         mesh.faces.extend([[0, 0, 1], [2, 2, 2]]);

@@ -574,7 +574,7 @@ mod tests {
         assert_eq!(told, "source 2 is vertex 25 of 25");
         for time in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             let told = HeatGeodesics::new(&mesh, Some(time), &Unwatched).unwrap_err().to_string();
-            assert!(told.starts_with("time is "), "{told}");
+            assert!(told.starts_with("time must be a finite positive number, got "), "{told}");
         }
         let flat = TriangleMesh { positions: vec![[0.0; 3]; 3], faces: vec![[0, 1, 2]], ..Default::default() };
         assert!(HeatGeodesics::new(&flat, None, &Unwatched).is_err());

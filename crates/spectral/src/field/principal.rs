@@ -81,8 +81,8 @@ pub struct Strand {
 }
 
 /// A combed coat: one strand per face, that leans towards a vector field of two numbers per face by at most `tilt`
-/// radians, which it reaches where the field is as long as `full` or longer. Closed surfaces that are inside out have it
-/// on their outside too.
+/// radians, which it reaches where the field is as long as `full` or longer. Closed surfaces that are inside out have
+/// it on their outside too.
 ///
 /// # Errors
 /// [`FieldMisfit::Numbers`] unless the field has two numbers for each face, [`FieldMisfit::Strands`] unless `length`

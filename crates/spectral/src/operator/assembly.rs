@@ -260,14 +260,6 @@ fn choose_local(wanted: &OperatorKind, mesh: &TriangleMesh, measured: &Measured)
     }
 }
 
-/// How many faces there are, and how many of them are bad.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Quality {
-    pub faces: usize,
-    pub thin: usize,
-    pub needles: usize,
-}
-
 /// Which Laplacian to take.
 pub(super) fn choose(
     wanted: &OperatorKind,

@@ -6,7 +6,7 @@
 
 use chladni_base::parallel::*;
 
-use super::assembly::{Quality, check, choose, refined};
+use super::assembly::{check, choose, refined};
 use super::corners::Corners;
 use super::laplace::{power_of_two_scale, shape_of, sums};
 use super::manifold::Topology;

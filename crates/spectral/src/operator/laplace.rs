@@ -58,6 +58,14 @@ pub fn assemble_with_report(
     Ok((problem, AssemblyReport { zero_area_faces: measured.zero_area_faces, massless_vertices }))
 }
 
+/// How many faces there are, and how many of them are bad.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Quality {
+    pub faces: usize,
+    pub thin: usize,
+    pub needles: usize,
+}
+
 /// What is read off the positions once.
 pub(super) struct Measured {
     /// The power of two that lengths are multiplied by.

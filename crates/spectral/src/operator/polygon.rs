@@ -20,10 +20,9 @@ use chladni_base::parallel::*;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::polygons::Loops;
 
-use super::assembly::Quality;
 use super::curvature::Surface;
 use super::hamiltonian;
-use super::laplace::{self, Measured};
+use super::laplace::{self, Measured, Quality};
 use super::{EigenProblem, MassKind, MassMatrix, OperatorError};
 
 /// A mesh with a point in the middle of each polygon of more than three corners.

@@ -400,9 +400,9 @@ fn parameters_read_as_the_api_writes_them_and_are_checked() {
     let error = |operator| {
         assemble(&mesh, &OperatorParameters { operator, ..Default::default() }, &Unwatched).unwrap_err().to_string()
     };
-    assert!(error(OperatorKind::Extrinsic { t: 1.5 }).contains("between 0 and 1, not be 1.5"));
+    assert!(error(OperatorKind::Extrinsic { t: 1.5 }).contains("must be between 0 and 1, not 1.5"));
     assert!(error(OperatorKind::Extrinsic { t: f64::NAN }).contains("NaN"));
-    assert!(error(curvature(-1.0)).contains("not be -1"));
+    assert!(error(curvature(-1.0)).contains("must be between 0 and 1e6, not -1"));
     assert!(error(values(vec![0.0; 4])).contains("4 values were sent for 9 vertices"));
     assert!(error(values(vec![0.0, 0.0, f64::INFINITY, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])).contains("vertex 2"));
     assert!(error(values(vec![1e300; 9])).contains("vertex 0"));

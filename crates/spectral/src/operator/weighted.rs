@@ -277,7 +277,7 @@ mod tests {
             (Parts { scalars: vec![f64::NAN; f], ..Parts::default() }, "face 0"),
             (Parts { scalars: vec![1.0; f - 1], ..Parts::default() }, "97 numbers"),
             (Parts { tensors, ..Parts::default() }, "face 7"),
-            (Parts { tensors: vec![1.0; 4], ..Parts::default() }, "three for each"),
+            (Parts { tensors: vec![1.0; 4], ..Parts::default() }, "three numbers for each"),
             (Parts { fixed: vec![3, 64], ..Parts::default() }, "vertex 64"),
         ] {
             let refused = made(&mesh, OperatorKind::Weighted(parts)).unwrap_err().to_string();

@@ -88,12 +88,16 @@ fn what_does_not_fit_is_named() {
     let error = |request: MapRequest| functional_map(&basis, &basis, &request).unwrap_err().to_string();
     assert_eq!(error(MapRequest { landmarks: vec![[5, 5], [100, 0]], ..request() }), "landmark 1 is vertex 100 of 100");
     assert_eq!(error(MapRequest { landmarks: vec![[5, 100]], ..request() }), "landmark 0 is vertex 100 of 100");
-    assert!(error(MapRequest { landmarks: vec![], ..request() }).starts_with("known functions: 0"));
-    assert!(error(MapRequest { pairs: 31, ..request() }).starts_with("pairs: 31, where 1 to 30"));
-    assert!(error(MapRequest { start: 21, ..request() }).starts_with("start: 21"));
-    assert!(error(MapRequest { step: 0, ..request() }).starts_with("step: 0"));
-    assert!(error(MapRequest { samples: 10, ..request() }).starts_with("samples: 10, where 40"));
-    assert!(error(MapRequest { commutativity: f64::NAN, ..request() }).starts_with("commutativity is NaN"));
+    assert!(
+        error(MapRequest { landmarks: vec![], ..request() }).ends_with("known functions must be at least 1, got 0")
+    );
+    assert!(error(MapRequest { pairs: 31, ..request() }).ends_with("pairs must be between 1 and 30, got 31"));
+    assert!(error(MapRequest { start: 21, ..request() }).starts_with("start must be between 1 and 20, got 21"));
+    assert!(error(MapRequest { step: 0, ..request() }).starts_with("step must be between 1 and "));
+    assert!(
+        error(MapRequest { samples: 10, ..request() }).starts_with("the number of samples must be between 40 and ")
+    );
+    assert!(error(MapRequest { commutativity: f64::NAN, ..request() }).starts_with("commutativity must be "));
 }
 
 /// ZoomOut as it is published, with all vertices, in plain loops: `T(p) = argmin_q ‖Φ_target(p) − C Φ_source(q)‖`,
@@ -236,6 +240,6 @@ fn units_of_either_surface_do_not_matter_to_the_map_and_functions_keep_their_val
         assert!(map.transfer(source, target, &DenseMatrix::zeros(99, 1), Transfer::Modes).is_err());
         let some = functional_map(source, target, &MapRequest { all_points: false, ..request }).unwrap();
         let told = some.transfer(source, target, &smooth, Transfer::Points).unwrap_err().to_string();
-        assert!(told.starts_with("matched points: "), "{told}");
+        assert!(told.starts_with("the number of matched points must be "), "{told}");
     }
 }

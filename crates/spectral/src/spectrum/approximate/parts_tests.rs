@@ -162,8 +162,8 @@ fn what_does_not_belong_is_refused_by_the_number_of_the_part() {
             "part 2 was made by version 0",
             Box::new(|part| part.plan.version = "0".to_owned()),
         ),
-        ("part-of-another-problem", "divided otherwise", Box::new(|part| *part = other[1].clone())),
-        ("part-of-another-problem", "another seed", Box::new(|part| part.plan.seed = 5)),
+        ("part-of-another-problem", "divided differently", Box::new(|part| *part = other[1].clone())),
+        ("part-of-another-problem", "its seed differs", Box::new(|part| part.plan.seed = 5)),
         ("part-of-another-problem", "another problem", Box::new(|part| part.plan.problem.products[1] *= 1.001)),
         ("part-damaged", "it claims to be part 1", Box::new(|part| *part = good[0].clone())),
         ("part-damaged", "no share", Box::new(|part| part.share = None)),
@@ -214,7 +214,7 @@ fn what_is_not_divided_says_why() {
     let well = Potential::Values(vec![2.0; mesh.positions.len()]);
     let hamiltonian = OperatorParameters { operator: OperatorKind::Hamiltonian { potential: well }, ..plain.clone() };
     let consistent = OperatorParameters { mass: MassKind::Consistent, ..plain.clone() };
-    for (of, words) in [(robust, "cotangents"), (hamiltonian, "cotangents"), (consistent, "consistent")] {
+    for (of, words) in [(robust, "cotangent"), (hamiltonian, "cotangent"), (consistent, "consistent")] {
         let error = refused(&of, &parameters(), 2);
         assert!(error.contains(words), "{error}");
     }
