@@ -90,7 +90,7 @@ fn matrix_market_is_read_with_either_triangle_and_comments() {
 fn what_does_not_fit_is_named() {
     let head = "%%MatrixMarket matrix coordinate real general\n";
     for (text, expected) in [
-        ("%%MatrixMarket matrix coordinate complex general\n", "line 1: \"complex\" is not read"),
+        ("%%MatrixMarket matrix coordinate complex general\n", "line 1: \"complex\" is not supported"),
         (head, "the sizes are missing"),
         ("%%MatrixMarket matrix array real general\n3 3\n", "line 2: an array of 3 × 3 is not sparse"),
         (&format!("{head}2 2\n"), "line 2: rows, columns and the number of entries"),

@@ -179,7 +179,7 @@ mod tests {
         let beside = stored("b", "1", &laplace, true);
         assert_eq!(told(&[a.clone(), beside]), Err("bases[1], b, is of the mesh of bases[0], a".to_owned()));
         let solid = StoredSpectrum { is_of_solid: true, ..stored("b", "2", &laplace, true) };
-        assert!(told(&[a.clone(), solid]).unwrap_err().contains("inside of a solid"));
+        assert!(told(&[a.clone(), solid]).unwrap_err().contains("interior of a solid"));
         let interval = StoredSpectrum { first: 7, ..stored("b", "2", &laplace, true) };
         assert!(told(&[a.clone(), interval]).unwrap_err().contains("starting at pair 7"));
         let hamiltonian = json!({"operator": {"hamiltonian": {"potential": {"curvature": {"t": 0.1}}}}});

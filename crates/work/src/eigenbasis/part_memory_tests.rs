@@ -154,7 +154,7 @@ fn what_is_not_done_in_parts_after_all_is_not_done_in_one_piece_unless_it_was_pr
     let joined =
         |bytes: u64| missing.join_parts(&mesh, None, parts(2), &mut |number| Ok(made[number].clone()), &Promise(bytes));
     let error = joined(little / 2).unwrap_err();
-    assert!(error.to_string().contains("miss the goal"), "{error}");
+    assert!(error.to_string().contains("miss the accuracy goal"), "{error}");
     assert!(joined(much).is_ok());
     let whole = |bytes: u64| missing.run_whole(&mesh, None, "why", &Promise(bytes));
     match whole(little / 2) {
