@@ -10,7 +10,7 @@ use chladni_mesh::intrinsic::{IntrinsicTriangulation, Rim, TriangleShape};
 use chladni_mesh::points::COVERS;
 
 use super::curvature::Surface;
-use super::laplace::Measured;
+use super::laplace::{Measured, Quality};
 use super::manifold::Topology;
 use super::polygon::Refined;
 use super::{Asked, Boundary, EigenProblem, Laplacian, MeshOperator, OperatorError, OperatorKind, OperatorParameters};

@@ -8,7 +8,7 @@ use chladni_base::parallel::*;
 
 use super::assembly::{check, choose, refined};
 use super::corners::Corners;
-use super::laplace::{power_of_two_scale, shape_of, sums};
+use super::laplace::{Quality, power_of_two_scale, shape_of, sums};
 use super::manifold::Topology;
 use super::shapes::{self, MASSLESS, Triangles, voronoi_part};
 use super::{Asked, Boundary, EigenProblem, Laplacian, MassKind, MassMatrix, MeshOperator};
