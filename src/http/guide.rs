@@ -7,7 +7,7 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 
 use super::embedded::{ASKED_EACH_TIME, Files};
-use super::page;
+use super::web_page;
 use super::problem::{self, Problem};
 use super::state::AppState;
 
@@ -31,7 +31,7 @@ fn elsewhere(to: &'static str) -> Response {
 }
 
 fn file(name: &str, headers: &HeaderMap) -> Result<Response, Problem> {
-    let policy = if name.starts_with("pictures/") { PICTURE } else { page::POLICY };
+    let policy = if name.starts_with("pictures/") { PICTURE } else { web_page::POLICY };
     FILES.answer(name, headers, ASKED_EACH_TIME, policy)?.ok_or_else(|| {
         Problem::new(&problem::NOT_FOUND, format!("The manual has no page {:?}.", problem::shorten(name.to_owned())))
     })

@@ -34,7 +34,7 @@ type Asked = Option<(Instant, Option<String>)>;
 #[derive(Clone)]
 pub(super) struct Connections {
     pool: PgPool,
-    kept: Arc<Mutex<Kept>>,
+    idle: Arc<Mutex<IdleConnections>>,
     /// Who waits for the pool: then nothing is kept from it.
     waiting: Arc<AtomicUsize>,
     /// When it was last asked whether the database is there, and why it is not, if so.
@@ -44,9 +44,9 @@ pub(super) struct Connections {
 
 /// Connections and when each was used.
 #[derive(Default)]
-struct Kept(Vec<(PoolConnection<Postgres>, Instant)>);
+struct IdleConnections(Vec<(PoolConnection<Postgres>, Instant)>);
 
-impl Drop for Kept {
+impl Drop for IdleConnections {
     /// The pool would take them back in a task, which there may be nothing to run any more.
     fn drop(&mut self) {
         self.0.drain(..).for_each(|(connection, _)| drop(connection.detach()));
@@ -71,7 +71,7 @@ impl Drop for Waiting<'_> {
 
 impl Connections {
     pub fn new(pool: PgPool) -> Self {
-        Self { pool, kept: Arc::default(), waiting: Arc::default(), asked: Arc::default(), fullness: Arc::default() }
+        Self { pool, idle: Arc::default(), waiting: Arc::default(), asked: Arc::default(), fullness: Arc::default() }
     }
 
     /// Whether the database has room.
@@ -127,7 +127,7 @@ impl Connections {
     }
 
     fn at_hand(&self) -> Option<(PoolConnection<Postgres>, Instant)> {
-        self.kept.lock().unwrap_or_else(PoisonError::into_inner).0.pop()
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner).0.pop()
     }
 
     /// A connection that lives, as far as is known.
@@ -150,7 +150,7 @@ impl Connections {
 
     /// Keeps a connection at hand whose last statement has ended.
     pub fn keep(&self, connection: PoolConnection<Postgres>) {
-        self.kept.lock().unwrap_or_else(PoisonError::into_inner).0.push((connection, Instant::now()));
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner).0.push((connection, Instant::now()));
         if self.waiting.load(Ordering::SeqCst) > 0 || self.pool.is_closed() {
             drop(self.at_hand());
         }
@@ -183,7 +183,7 @@ impl Connections {
     pub async fn close(&self) {
         // It is closed from here on, and what is kept later comes back to it at once.
         let closed = self.pool.close();
-        self.kept.lock().unwrap_or_else(PoisonError::into_inner).0.clear();
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner).0.clear();
         closed.await;
     }
 }

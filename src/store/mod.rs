@@ -71,7 +71,7 @@ mod object_identity;
 #[cfg(feature = "cluster")]
 mod objects;
 mod orphans;
-mod page;
+mod pagination;
 mod pairing;
 mod part_source;
 mod parts;
@@ -122,7 +122,7 @@ pub use fleet::Worker;
 pub use leases::{CompleteAnswer, FailAnswer, HeartbeatAnswer, Progress, Reaped};
 #[cfg(feature = "cluster")]
 pub use migrate::{Migrated, MigrationError};
-pub use page::{Page, PageRequest};
+pub use pagination::{Page, PageRequest};
 pub use part_source::PartSource;
 pub use parts::{DivideAnswer, MadePart, NewPart, PartRecord};
 pub use records::{
@@ -317,7 +317,7 @@ impl Store {
         postgres.set(&options.clock).await?;
         let objects = objects::Objects::open(&places.objects, postgres.clone())?;
         // One that does not answer yet is waited for when it is needed; one that refuses will go on refusing.
-        match tokio::time::timeout(START_PATIENCE, objects.reach()).await {
+        match tokio::time::timeout(START_PATIENCE, objects.check_pairing()).await {
             Ok(Ok(())) => {}
             Ok(Err(error)) if !error.is_retryable() => return Err(error),
             Ok(Err(error)) => tracing::warn!(%error, "the object store does not answer yet"),

@@ -13,7 +13,7 @@ pub struct SpectrumOf {
 }
 
 /// Characters of an operator that a message tells.
-const TOLD: usize = 100;
+const MOST_CHARACTERS: usize = 100;
 
 impl SpectrumOf {
     /// That of a basis which a job with these parameters made, on a surface that is closed or not.
@@ -35,7 +35,7 @@ impl SpectrumOf {
 
     /// In words.
     pub fn tell(&self) -> String {
-        let mut operator: String = self.operator.chars().take(TOLD).collect();
+        let mut operator: String = self.operator.chars().take(MOST_CHARACTERS).collect();
         if operator.len() < self.operator.len() {
             operator.push('…');
         }

@@ -105,7 +105,7 @@ enum Computed {
 
 impl BatchArguments {
     /// What is wanted, and all of it that a result depends on.
-    fn wanted(&self) -> Result<(Computed, Value), CliError> {
+    fn task_and_settings(&self) -> Result<(Computed, Value), CliError> {
         let mut given = serde_json::Map::new();
         if let Some(count) = self.count {
             given.insert("count".to_owned(), json!(count));
@@ -171,7 +171,7 @@ fn is_mesh(path: &Path) -> bool {
 
 /// Runs `chladni batch`.
 pub fn batch(arguments: BatchArguments) -> Result<ExitCode, CliError> {
-    let (wanted, settings) = arguments.wanted()?;
+    let (wanted, settings) = arguments.task_and_settings()?;
     let meshes = arguments.meshes()?;
     fs::create_dir_all(&arguments.output).map_err(|error| CliError::file("write", &arguments.output, error))?;
     settings::keep(&arguments.output, &settings, arguments.anew)?;

@@ -9,7 +9,7 @@ use flate2::read::{GzDecoder, ZlibDecoder};
 use roxmltree::Node;
 
 use super::builder::{Builder, zero_based_index};
-use super::error::{Place, ReadError, shorten};
+use super::error::{FileLocation, ReadError, shorten};
 use super::{MeshFormat, RawMesh, ReadLimits, xml};
 
 /// Compressed arrays unfold to at most so many times the bytes of their text; real ones do to less than ten times.
@@ -51,7 +51,7 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
                 if index.fract() != 0.0 {
                     return Err(refuse(format!("face {number}: {index} is not a whole number")));
                 }
-                *corner = zero_based_index(index as i64, vertices, "face", number, triangles.place)?;
+                *corner = zero_based_index(index as i64, vertices, "face", number, triangles.location)?;
             }
             builder.triangle(face)
         })?;
@@ -69,7 +69,7 @@ struct Array<'a> {
     encoding: Encoding,
     big_endian: bool,
     text: &'a str,
-    place: Place,
+    location: FileLocation,
 }
 
 #[derive(Clone, Copy, PartialEq)]
@@ -133,7 +133,7 @@ impl<'a> Array<'a> {
             encoding,
             big_endian: told("Endian") == "BigEndian",
             text,
-            place: Place::Byte(data.map_or(0, |data| data.range().start)),
+            location: FileLocation::Byte(data.map_or(0, |data| data.range().start)),
         })
     }
 
@@ -174,7 +174,7 @@ impl<'a> Array<'a> {
             for number in 0..count {
                 let word = words.next().ok_or_else(|| short(number))?;
                 take(word.parse().map_err(|_| ReadError::NotANumber {
-                    place: self.place,
+                    location: self.location,
                     token: shorten(word.as_bytes()),
                     expected: self.name,
                 })?)?;

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use roxmltree::Node;
 
 use super::builder::Builder;
-use super::error::{Place, ReadError, shorten};
+use super::error::{FileLocation, ReadError, shorten};
 use super::vtk::{self, Cells};
 use super::vtk_arrays::{Appended, Array, Coding, refuse};
 use super::{MeshFormat, RawMesh, ReadLimits, xml};
@@ -162,14 +162,14 @@ fn cells(
         corners.push(if corner < 0 { corner } else { corner.saturating_add(first as i64) });
         Ok(())
     })?;
-    Ok(Some(Cells { ends, corners, place: connectivity.place }))
+    Ok(Some(Cells { ends, corners, location: connectivity.location }))
 }
 
 /// What kind of cell each is.
 fn kinds(piece: Node<'_, '_>, count: usize, coding: Coding<'_>) -> Result<Vec<u8>, ReadError> {
     let element = piece.children().find(|node| node.has_tag_name("Cells"));
     let element =
-        element.ok_or(ReadError::MissingSection { place: Place::Byte(piece.range().start), section: "Cells" })?;
+        element.ok_or(ReadError::MissingSection { location: FileLocation::Byte(piece.range().start), section: "Cells" })?;
     let mut kinds = Vec::with_capacity(count);
     named(element, ("types", "type"), coding)?.each_whole(count, |kind| {
         // No cell has the last of all numbers for its type.

@@ -265,7 +265,7 @@ mod tests {
     use super::*;
     use crate::basis::{Certificate, DenseFunctions, Functions, Precision};
     use crate::operator::{OperatorParameters, assemble};
-    use crate::spectrum::hsim::{self, HsimParameters, Wanted};
+    use crate::spectrum::hsim::{self, HsimParameters, Selection};
     use chladni_base::Unwatched;
     use chladni_mesh::shape::{Shape, generate};
 
@@ -278,7 +278,7 @@ mod tests {
     /// The lowest pairs of the Laplacian, as columns.
     fn solved(mesh: &TriangleMesh, count: usize) -> Basis {
         let operator = assemble(mesh, &OperatorParameters::default(), &Unwatched).unwrap();
-        let parameters = HsimParameters { wanted: Wanted::Count(count), ..HsimParameters::default() };
+        let parameters = HsimParameters { selection: Selection::Count(count), ..HsimParameters::default() };
         let pairs = hsim::solve(mesh, &operator.problem, &parameters, false, &Unwatched).unwrap();
         Basis {
             functions: Functions::Dense(DenseFunctions::from_panels(pairs.vectors, Precision::F64)),

@@ -379,7 +379,7 @@ impl<'a, const B: usize> Lowest<'a, B> {
                     },
                 );
             if !open || rounds == most {
-                return Ok(self.told(&first, corrections, rounds, !open));
+                return Ok(self.into_lowest_fields(&first, corrections, rounds, !open));
             }
             rounds += 1;
             let fields = std::mem::take(&mut self.fields);
@@ -391,14 +391,14 @@ impl<'a, const B: usize> Lowest<'a, B> {
         }
     }
 
-    fn told(self, first: &[f64], corrections: Vec<Correction>, rounds: usize, reached: bool) -> LowestFields {
+    fn into_lowest_fields(self, first: &[f64], corrections: Vec<Correction>, rounds: usize, reached: bool) -> LowestFields {
         let idle = self.idle.into_iter().map(|(field, value)| {
             let value = value.max(0.0);
             // What there is lies between zero and the value.
             WholeField { field, value, gained: 0.0, left: value, bound: value }
         });
         let pairs = self.fields.into_iter().zip(self.values).zip(first).zip(corrections);
-        let told = |(((field, value), first), own): (((Vec<f64>, f64), &f64), Correction)| WholeField {
+        let refined = |(((field, value), first), own): (((Vec<f64>, f64), &f64), Correction)| WholeField {
             field,
             value,
             gained: (first - value).max(0.0),
@@ -406,7 +406,7 @@ impl<'a, const B: usize> Lowest<'a, B> {
             left: own.gain.min(value.max(0.0)),
             bound: own.bound,
         };
-        LowestFields { fields: idle.chain(pairs.map(told)).take(self.wanted).collect(), rounds, reached }
+        LowestFields { fields: idle.chain(pairs.map(refined)).take(self.wanted).collect(), rounds, reached }
     }
 }
 

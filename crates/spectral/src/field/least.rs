@@ -271,7 +271,7 @@ impl<const B: usize> Whole<B> {
             found.unwrap_or_else(|| design.coefficients.clone())
         };
         let coefficients = design.map(nearest);
-        self.told(weighted, basis, constraints, coefficients, field, 0).map(Some)
+        self.measured(weighted, basis, constraints, coefficients, field, 0).map(Some)
     }
 
     /// The inverse of a sum as a difference, with the factors that it takes; `None` where it is none, or fields without

@@ -344,11 +344,11 @@ impl<const B: usize> Whole<B> {
             other => other?,
         }
         let coefficients = Some(design.coefficients.clone());
-        self.told(weighted, basis, constraints, coefficients, solve.field, solve.responses)
+        self.measured(weighted, basis, constraints, coefficients, solve.field, solve.responses)
     }
 
     /// What there is to say of a field beside coefficients of the reduced space.
-    pub(super) fn told(
+    pub(super) fn measured(
         &self,
         weighted: &WeightedModel,
         basis: &FieldBasis,

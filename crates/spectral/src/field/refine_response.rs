@@ -66,7 +66,7 @@ pub(super) struct Sum {
 pub(super) struct Response<'a, const B: usize> {
     whole: &'a Whole<B>,
     sum: Sum,
-    product: Product<'a, B>,
+    product: ShiftedProduct<'a, B>,
     /// Whether the product is `K` itself.
     exact: bool,
     /// Fields without energy.
@@ -74,7 +74,7 @@ pub(super) struct Response<'a, const B: usize> {
 }
 
 /// The product, or what is left of it without a biharmonic energy, or without any.
-enum Product<'a, const B: usize> {
+enum ShiftedProduct<'a, const B: usize> {
     Two(Factor<'a, B>, Factor<'a, B>),
     One(Factor<'a, B>),
     Mass(f64),
@@ -321,11 +321,11 @@ impl<'a, const B: usize> Response<'a, B> {
             // Of complex roots the size: where the product is not the sum, it is at most twice as much.
             let large = if square >= 0.0 { half + square.sqrt() } else { held.sqrt() };
             let small = if large > 0.0 { held / large } else { 0.0 };
-            Product::Two(factor(small)?, factor(large)?)
+            ShiftedProduct::Two(factor(small)?, factor(large)?)
         } else if sum.harmonic > 0.0 {
-            Product::One(factor(mean / sum.harmonic)?)
+            ShiftedProduct::One(factor(mean / sum.harmonic)?)
         } else {
-            Product::Mass(mean)
+            ShiftedProduct::Mass(mean)
         };
         Ok(Self { whole, sum, product, exact, kernel })
     }
@@ -334,9 +334,9 @@ impl<'a, const B: usize> Response<'a, B> {
     /// inverse iteration finds one.
     pub fn lacks_idle_fields(&self, monitor: &dyn Monitor) -> Result<bool, RefineError> {
         let needed = match &self.product {
-            Product::Two(small, _) => small.gamma == 0.0,
-            Product::One(one) => one.gamma == 0.0,
-            Product::Mass(_) => false,
+            ShiftedProduct::Two(small, _) => small.gamma == 0.0,
+            ShiftedProduct::One(one) => one.gamma == 0.0,
+            ShiftedProduct::Mass(_) => false,
         };
         if !needed {
             return Ok(false);
@@ -378,13 +378,13 @@ impl<'a, const B: usize> Response<'a, B> {
     fn by_product(&self, f: &[f64], tolerance: f64, monitor: &dyn Monitor) -> Result<Vec<f64>, RefineError> {
         let whole = self.whole;
         let (mut x, scale) = match &self.product {
-            Product::Two(small, large) => {
+            ShiftedProduct::Two(small, large) => {
                 let mut first = small.solve(whole, f, tolerance, self.kernel, monitor)?;
                 whole.weigh(&mut first);
                 (large.solve(whole, &first, tolerance, self.kernel, monitor)?, self.sum.biharmonic)
             }
-            Product::One(one) => (one.solve(whole, f, tolerance, self.kernel, monitor)?, self.sum.harmonic),
-            Product::Mass(weight) => {
+            ShiftedProduct::One(one) => (one.solve(whole, f, tolerance, self.kernel, monitor)?, self.sum.harmonic),
+            ShiftedProduct::Mass(weight) => {
                 let mut x = f.to_vec();
                 whole.unweigh(&mut x);
                 (x, *weight)

@@ -11,7 +11,7 @@ use chladni_mesh::points::COVERS;
 
 use super::curvature::Surface;
 use super::laplace::Measured;
-use super::manifold::Topology;
+use super::manifold::ManifoldCheck;
 use super::polygon::Refined;
 use super::{Asked, Boundary, EigenProblem, Laplacian, MeshOperator, OperatorError, OperatorKind, OperatorParameters};
 use super::{OperatorReport, Potential, Reason};
@@ -40,8 +40,8 @@ pub(super) fn assemble_on(
     }
     let measured = laplace::measure(mesh)?;
     let topology = match triangles {
-        Triangles::Surface => Topology::new(mesh.positions.len(), &mesh.faces, &measured.corners),
-        Triangles::Local => Topology::default(),
+        Triangles::Surface => ManifoldCheck::new(mesh.positions.len(), &mesh.faces, &measured.corners),
+        Triangles::Local => ManifoldCheck::default(),
     };
     monitor.checkpoint()?;
     let refined = match triangles {
@@ -273,7 +273,7 @@ pub(super) fn choose(
     wanted: &OperatorKind,
     quality: Quality,
     polygons: bool,
-    topology: &Topology,
+    topology: &ManifoldCheck,
 ) -> (Laplacian, Reason) {
     match wanted {
         OperatorKind::Polygon if polygons => (Laplacian::Polygon, Reason::Requested),

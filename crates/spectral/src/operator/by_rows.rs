@@ -9,7 +9,7 @@ use chladni_base::parallel::*;
 use super::assembly::{Quality, check, choose, refined};
 use super::corners::Corners;
 use super::laplace::{power_of_two_scale, shape_of, sums};
-use super::manifold::Topology;
+use super::manifold::ManifoldCheck;
 use super::shapes::{self, MASSLESS, Triangles, voronoi_part};
 use super::{Asked, Boundary, EigenProblem, Laplacian, MassKind, MassMatrix, MeshOperator};
 use super::{OperatorError, OperatorKind, OperatorParameters, OperatorReport};
@@ -57,7 +57,7 @@ impl<'a> LaplacianByRows<'a> {
             return Err(OperatorError::NoArea);
         }
         monitor.checkpoint()?;
-        let topology = Topology::new(mesh.positions.len(), &mesh.faces, &corners);
+        let topology = ManifoldCheck::new(mesh.positions.len(), &mesh.faces, &corners);
         drop(corners);
         monitor.checkpoint()?;
         let polygons = refined(&parameters.operator, mesh)?.is_some();

@@ -21,7 +21,7 @@ use part::Part;
 use settle::settle;
 pub use settle::settle_bytes;
 
-use super::hsim::{self, Eigenpairs, HsimError, HsimParameters, InertiaCount, LevelReport, Wanted};
+use super::hsim::{self, Eigenpairs, HsimError, HsimParameters, InertiaCount, LevelReport, Selection};
 
 /// Where an eigenfield comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -189,8 +189,8 @@ fn solve(
     if scalar.problem.size() == 0 {
         return Ok(nothing());
     }
-    let wanted = Wanted::Count((count + scalar.kernel).clamp(1, scalar.problem.size()));
-    hsim::solve(&scalar.places, &scalar.problem, &HsimParameters { wanted, ..*parameters }, false, monitor)
+    let selection = Selection::Count((count + scalar.kernel).clamp(1, scalar.problem.size()));
+    hsim::solve(&scalar.places, &scalar.problem, &HsimParameters { selection, ..*parameters }, false, monitor)
 }
 
 /// The pairs of a problem without unknowns: of a triangle all of whose edges are boundary, say.

@@ -4,11 +4,11 @@ use chladni_spectral::field::{DirectionField, curvature_tensors, direction_in_fr
 use chladni_spectral::operator::transport::FieldKind;
 
 use super::request::{AlignmentRequest, NamedTarget, NamedWeights, PerFace, Target, refused};
-use super::stored::{FieldTable, KeptFields, nowhere};
+use super::stored::{FieldTable, ReferencedFields, nowhere};
 use super::{DesignFault, Setting};
 
 /// The field to align to, in stored numbers, and weights of faces; `kept` has the stored fields that the request names.
-pub fn field(setting: &Setting, wanted: &AlignmentRequest, kept: &KeptFields) -> Result<DirectionField, DesignFault> {
+pub fn field(setting: &Setting, wanted: &AlignmentRequest, kept: &ReferencedFields) -> Result<DirectionField, DesignFault> {
     let (surface, kind) = (&setting.surface.surface, setting.kind());
     let faces = surface.faces();
     let curvature = || -> Result<Vec<f64>, DesignFault> {

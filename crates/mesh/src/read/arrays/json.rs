@@ -5,7 +5,7 @@ use std::fmt;
 use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
 
 use super::super::builder::Builder;
-use super::super::error::{Place, ReadError};
+use super::super::error::{FileLocation, ReadError};
 use super::super::{MeshFormat, RawMesh, ReadLimits};
 use super::{finish, wrong};
 
@@ -137,7 +137,7 @@ impl<'de> Visitor<'de> for Entry<'_, '_> {
             }
             "faces" => {
                 while let Some(corner) = list.next_element::<u32>()? {
-                    let taken = reader.builder.corner(corner, Place::Byte(0));
+                    let taken = reader.builder.corner(corner, FileLocation::Byte(0));
                     reader.take(taken)?;
                 }
                 reader.builder.end_polygon();

@@ -4,7 +4,7 @@ use chladni_algebra::DenseMatrix;
 use chladni_base::Vector3;
 use chladni_mesh::TriangleMesh;
 
-use super::{CollectionRequest, Shape, Side};
+use super::{CollectionRequest, CollectionShape, Side};
 use crate::analysis::error::AnalysisError;
 use crate::analysis::signature::Signature;
 
@@ -26,7 +26,7 @@ pub(super) struct Known<'a> {
 }
 
 impl<'a> Known<'a> {
-    pub fn new(place: usize, shape: Shape<'a>, request: &CollectionRequest) -> Result<Self, AnalysisError> {
+    pub fn new(place: usize, shape: CollectionShape<'a>, request: &CollectionRequest) -> Result<Self, AnalysisError> {
         let side = Side::new(shape.basis, Vec::new())?;
         let values = signatures(&side)?;
         let n = side.masses.len();

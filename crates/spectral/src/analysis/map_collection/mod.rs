@@ -50,7 +50,7 @@ const ALONE: usize = 50;
 
 /// A shape: a basis, and the surface that it belongs to.
 #[derive(Debug, Clone, Copy)]
-pub struct Shape<'a> {
+pub struct CollectionShape<'a> {
     /// The basis.
     pub basis: &'a Basis,
     /// The mesh of it: oriented derivatives need its faces, and cycles its positions.
@@ -127,7 +127,7 @@ type Maps = Vec<((usize, usize), DenseMatrix)>;
 /// # Errors
 /// [`AnalysisError`] names a size out of its range, or a shape whose mesh does not fit or whose spectrum tells nothing.
 pub fn map_collection(
-    shapes: &[Shape<'_>],
+    shapes: &[CollectionShape<'_>],
     request: &CollectionRequest,
     monitor: &dyn Monitor,
 ) -> Result<MapCollection, AnalysisError> {
@@ -232,9 +232,9 @@ fn each_told<A: Sync, B: Send>(
     })
 }
 
-fn check(shapes: &[Shape<'_>], request: &CollectionRequest) -> Result<(), AnalysisError> {
+fn check(shapes: &[CollectionShape<'_>], request: &CollectionRequest) -> Result<(), AnalysisError> {
     let mut sizes = Vec::with_capacity(shapes.len());
-    for Shape { basis, mesh } in shapes {
+    for CollectionShape { basis, mesh } in shapes {
         if basis.vertices() != mesh.positions.len() {
             return Err(AnalysisError::Mesh { basis: basis.vertices(), mesh: mesh.positions.len() });
         }

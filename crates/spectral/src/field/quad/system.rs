@@ -91,7 +91,7 @@ impl Parts<'_> {
     }
 
     /// How much coordinates should change along edge `k` of a face, from corner `k + 1` to corner `k + 2`.
-    pub fn wanted(&self, face: usize, k: usize) -> Complex64 {
+    pub fn target_change(&self, face: usize, k: usize) -> Complex64 {
         self.surface.frames().edges(face)[k] * self.combed.directions[face].conj() / self.spacing
     }
 
@@ -145,7 +145,7 @@ impl Parts<'_> {
         // Of each face whether it is plain, and for each edge its weight and what coordinates should change by along
         // it.
         let each = |(face, &factor): (usize, &f64)| {
-            let sides = std::array::from_fn(|k| (factor * self.half_cotangent(face, k), self.wanted(face, k)));
+            let sides = std::array::from_fn(|k| (factor * self.half_cotangent(face, k), self.target_change(face, k)));
             (self.plain(face), sides)
         };
         let faces: Vec<(bool, [(f64, Complex64); 3])> =

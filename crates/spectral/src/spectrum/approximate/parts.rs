@@ -14,7 +14,7 @@ use std::borrow::Cow;
 
 use chladni_base::parallel::*;
 
-use super::super::certificate::{KERNEL, certificate_of, gram_defect, infinity_norm_of};
+use super::super::certificate::{LARGEST_KERNEL_VALUE, certificate_of, gram_defect, infinity_norm_of};
 use super::super::domain::Domain;
 use super::super::energy::{Cotangents, Energy, PairShare, measures};
 use super::super::hsim::is_balanced;
@@ -242,7 +242,7 @@ impl<'a> Parted<'a> {
                 .map_err(|error| ApproximationError::from(CertificateError::from(error)))?;
             let with_neighbours = energy.in_order(&space);
             let portion = Portion { whole: monitor, step: (piece, pieces) };
-            let shares = energy.shares(&with_neighbours, &coefficients, &values, KERNEL, &portion)?;
+            let shares = energy.shares(&with_neighbours, &coefficients, &values, LARGEST_KERNEL_VALUE, &portion)?;
             match piece {
                 0 => sums = shares,
                 _ => sums.iter_mut().zip(&shares).for_each(|(sum, share)| sum.add(share)),
@@ -309,7 +309,7 @@ impl<'a> Parted<'a> {
             gathered.take(found)?;
         }
         let Whole { space, mut pairs, sums, norm, defect } = gathered.whole(self.plan.parts)?;
-        let measures = measures(&sums, &pairs.values, KERNEL);
+        let measures = measures(&sums, &pairs.values, LARGEST_KERNEL_VALUE);
         let certificate = certificate_of(&measures, (norm, defect, problem.area), &mut pairs.vectors, &pairs.values);
         let nothing = || SparseMatrix::from_sorted_parts(0, 0, vec![0], Vec::new(), Vec::new());
         let ritz = Ritz { space, mass: nothing(), stiffness: nothing(), pairs };

@@ -271,7 +271,7 @@ impl<'a> Iteration<'a> {
             let rotation;
             (values, rotation) = ritz(stiffness, gram, vectors.columns(), monitor)?;
             accelerator.rotate(&mut vectors, resident, &rotation, monitor)?;
-            if defect(&vectors, &level.mass, monitor)? <= LARGEST_DEFECT {
+            if defect(&vectors, &level.mass, monitor)? <= WORKING_DEFECT {
                 break;
             }
         }
@@ -503,7 +503,7 @@ fn taken_out(strays: impl IntoIterator<Item = Strays>, columns: &PanelMatrix) ->
 const EXACT: f64 = 1e-12;
 
 /// Columns that are farther from orthonormal are made so again.
-const LARGEST_DEFECT: f64 = 1e-10;
+const WORKING_DEFECT: f64 = 1e-10;
 
 /// A column of which a projection leaves less than this share is lost in rounding errors.
 const LOST: f64 = 1e-10;

@@ -94,7 +94,7 @@ pub(super) struct Verdict {
 }
 
 /// The largest defect of orthonormality that is delivered.
-pub(super) const LARGEST_DEFECT: f64 = 1e-9;
+pub(super) const LARGEST_DELIVERED_DEFECT: f64 = 1e-9;
 
 /// Couplings `x_iᵀ(S − θM)x_j` above this share of the largest value are none of rounding.
 const LARGEST_COUPLING: f64 = 1e-9;
@@ -133,7 +133,7 @@ pub(super) fn certify(found: &Found<'_>, monitor: &dyn Monitor) -> Result<Verdic
     }
     let (stiffness, gram) = restrict(&level.stiffness, &level.mass, vectors, monitor)?;
     let defect = defect(&gram);
-    if !(defect <= LARGEST_DEFECT) {
+    if !(defect <= LARGEST_DELIVERED_DEFECT) {
         return unproven(format!("columns are {defect:e} away from orthonormal"));
     }
     let couplings = couplings(&stiffness, &gram, values);

@@ -21,7 +21,7 @@ use super::kernel::Kernel;
 use super::level::Level;
 use super::scout::Scout;
 use super::tuning::TUNING;
-pub(super) use super::wanted::{Leave, Wanted};
+pub(super) use super::krylov_request::{Leave, KrylovRequest};
 
 /// What was found.
 #[derive(Debug)]
@@ -112,7 +112,7 @@ pub(super) fn start(
     level: &Level,
     symbolic: &SymbolicFactor,
     kernel: &Kernel<'_>,
-    wanted: Wanted,
+    wanted: KrylovRequest,
     monitor: &dyn Monitor,
 ) -> Result<Option<Found>, HsimError> {
     let of = (wanted.pairs, kernel.dimension());
@@ -125,7 +125,7 @@ pub(super) fn start(
     scout.keep_storage(shift.factor);
     let Some(shift) = scout.strict_middle(of, wanted.least_shift, monitor)? else { return Ok(None) };
     // Clusters have to be gone through before what lies far below them shows.
-    let wanted = Wanted { most: wanted.most.max(for_clusters(level.size())), ..wanted };
+    let wanted = KrylovRequest { most: wanted.most.max(for_clusters(level.size())), ..wanted };
     pairs_or_none(level, symbolic, kernel, &shift, wanted, monitor)
 }
 
@@ -140,7 +140,7 @@ pub(super) fn pairs_or_none(
     symbolic: &SymbolicFactor,
     kernel: &Kernel<'_>,
     shift: &Shift<'_>,
-    wanted: Wanted,
+    wanted: KrylovRequest,
     monitor: &dyn Monitor,
 ) -> Result<Option<Found>, HsimError> {
     match pairs(level, symbolic, kernel, shift, wanted, &mut Vec::new(), monitor) {
@@ -157,7 +157,7 @@ pub(super) fn pairs(
     symbolic: &SymbolicFactor,
     kernel: &Kernel<'_>,
     shift: &Shift<'_>,
-    wanted: Wanted,
+    wanted: KrylovRequest,
     memory: &mut Vec<Vec<f64>>,
     monitor: &dyn Monitor,
 ) -> Result<Option<Found>, HsimError> {
@@ -237,7 +237,7 @@ impl<'a> Space<'a> {
         symbolic: &'a SymbolicFactor,
         kernel: &'a Kernel<'a>,
         shift: &'a Shift<'a>,
-        wanted: Wanted,
+        wanted: KrylovRequest,
         memory: Vec<Vec<f64>>,
         monitor: &'a dyn Monitor,
     ) -> Result<Self, HsimError> {

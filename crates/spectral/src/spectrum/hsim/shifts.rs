@@ -65,7 +65,7 @@ pub(super) fn shift(values: &[f64], top: f64) -> f64 {
         Some(pair) if pair[1] - pair[0] > CLUSTER * unit(middle) => 0.5 * (pair[0] + pair[1]),
         _ if reach > CLUSTER * unit(middle) => middle,
         _ if least == 0.0 => -BELOW_ZERO,
-        _ => least - BESIDE * unit(least),
+        _ => least - CLUSTER_OFFSET * unit(least),
     }
 }
 
@@ -132,7 +132,7 @@ const NEXT_TO: f64 = 0.02;
 const ONE: f64 = 1e-7;
 
 /// How far below a cluster its shift lies, relative to it.
-const BESIDE: f64 = 3e-3;
+const CLUSTER_OFFSET: f64 = 3e-3;
 
 /// How far below zero the shift lies where nothing is known of any value: on unit area, the first positive one of the
 /// sphere is 25.

@@ -39,7 +39,7 @@ fn exact(level: &Level) -> Vec<f64> {
 fn slices(level: &Level, pairs: usize, slice: usize, tolerance: f64) -> Option<Sliced> {
     let symbolic = SymbolicFactor::new(&level.stiffness, &level.mass).unwrap();
     let kernel = Kernel::new(level);
-    let wanted = Wanted::lowest(level.size(), pairs, pairs, tolerance, 3);
+    let wanted = KrylovRequest::lowest(level.size(), pairs, pairs, tolerance, 3);
     start(level, &symbolic, &kernel, wanted, slice, &Unwatched).unwrap()
 }
 

@@ -18,7 +18,7 @@ use super::{
     space,
 };
 use crate::operator::EigenProblem;
-use crate::spectrum::hsim::{self, Eigenpairs, HsimError, HsimParameters, Wanted};
+use crate::spectrum::hsim::{self, Eigenpairs, HsimError, HsimParameters, Selection};
 
 pub(super) fn modes(
     body: ElasticBody<'_>,
@@ -47,7 +47,7 @@ pub(super) fn modes(
         faces: Vec::new(),
         ..Default::default()
     };
-    let parameters = HsimParameters { wanted: Wanted::Count(count), tolerance, seed, ..HsimParameters::default() };
+    let parameters = HsimParameters { selection: Selection::Count(count), tolerance, seed, ..HsimParameters::default() };
     if hsim::is_dense(size, count) {
         let space = space::functions(body, elastic, elastic.moving.len(), false, seed, monitor)?;
         let unit = unit(approximate(elastic, rigid, &space, 1, monitor)?.values.first());
