@@ -177,7 +177,8 @@ mod tests {
     fn a_refusal_is_named_in_both_forms() {
         let (report, refusal) = square(f64::NAN);
         assert!(
-            text_report(&report, refusal.as_ref()).contains("cannot be used: vertex 2 is not finite, and face 0 uses it.")
+            text_report(&report, refusal.as_ref())
+                .contains("cannot be used: vertex 2 is not finite, and face 0 uses it.")
         );
         let line: Value = serde_json::from_str(&line(&report, refusal.as_ref()).unwrap()).unwrap();
         assert_eq!((&line["usable"], &line["refusal"]["kind"]), (&json!(false), &json!("non-finite-coordinate")));

@@ -169,7 +169,9 @@ impl EigshArguments {
             PencilSelection::Count(count) => json!({ "count": count }),
             PencilSelection::Below { bound, most } => json!({ "below": bound, "at_most": most }),
             PencilSelection::Between { from, to, most } => json!({ "between": [from, to], "at_most": most }),
-            PencilSelection::Around { shift, count, most } => json!({ "around": shift, "count": count, "at_most": most }),
+            PencilSelection::Around { shift, count, most } => {
+                json!({ "around": shift, "count": count, "at_most": most })
+            }
         };
         let about = [
             ("kind", json!(PENCIL)),

@@ -15,10 +15,10 @@ use utoipa_axum::routes;
 
 use super::details::Details;
 use super::extract::PathOf;
-use super::web_page;
 use super::problem::{self, KINDS, Problem};
 use super::problems::problems;
 use super::state::AppState;
+use super::web_page;
 
 /// An error, in the form of RFC 9457. Some kinds have further members.
 #[derive(ToSchema)]

@@ -7,9 +7,9 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 
 use super::embedded::{ASKED_EACH_TIME, Files};
-use super::web_page;
 use super::problem::{self, Problem};
 use super::state::AppState;
+use super::web_page;
 
 static FILES: Files = Files::new(include!(concat!(env!("OUT_DIR"), "/guide.rs")));
 

@@ -7,7 +7,7 @@ use chladni_algebra::DenseMatrix;
 use chladni_mesh::numbering::Translation;
 use chladni_spectral::analysis::functional_map::PointMap;
 use chladni_spectral::analysis::map_collection::{
-    CollectionMap, CollectionRequest, MOST_SHAPES, CollectionShape, map_collection,
+    CollectionMap, CollectionRequest, CollectionShape, MOST_SHAPES, map_collection,
 };
 use chladni_spectral::basis::CycleErrors;
 use chladni_work::functional_map::Inverse;
@@ -194,7 +194,8 @@ async fn collect_maps(
     state
         .solve("map_collection", move |monitor| {
             let begin = Instant::now();
-            let shapes: Vec<CollectionShape<'_>> = bases.iter().zip(&meshes).map(|(basis, mesh)| CollectionShape { basis, mesh }).collect();
+            let shapes: Vec<CollectionShape<'_>> =
+                bases.iter().zip(&meshes).map(|(basis, mesh)| CollectionShape { basis, mesh }).collect();
             let found = map_collection(&shapes, &wanted, monitor)?;
             let told = |map: CollectionMap| {
                 let matrix = request.matrices.then_some(&map.matrix);

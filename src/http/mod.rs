@@ -59,7 +59,6 @@ mod modes;
 mod named;
 mod numbering;
 mod origin;
-mod web_page;
 mod parameters;
 mod pencil_upload;
 mod pencil_wire;
@@ -85,6 +84,7 @@ mod value_gradients;
 mod variants;
 mod verification;
 mod vibration;
+mod web_page;
 mod wire;
 
 pub use auth::{ApiKey, KeyError, KeysNeeded, Scope, require_keys};

@@ -49,14 +49,14 @@ impl Slots {
         {
             let mut state = self.lock();
             state.lines.add(client, sender);
-            self.deal(&mut state);
+            self.grant_slots(&mut state);
         }
         // Slots are dealt as long as there are any, and whoever waits is in the line: it comes.
         receiver.await.unwrap_or(Slot(None))
     }
 
     /// Gives free slots to those whose turn it is.
-    fn deal(&self, state: &mut State) {
+    fn grant_slots(&self, state: &mut State) {
         while state.free > 0 {
             let (held, most) = (&state.held, self.0.most_of_one);
             let may = |client: &Arc<str>| held.get(client).copied().unwrap_or(0) < most;
@@ -88,7 +88,7 @@ impl Drop for Slot {
                 state.held.remove(&client);
             }
         }
-        slots.deal(&mut state);
+        slots.grant_slots(&mut state);
     }
 }
 

@@ -126,7 +126,8 @@ impl Runner for Solver {
         let JobParameters::MapCollection(parameters) = parameters(job)? else {
             return Err(misplaced(job, "one mesh"));
         };
-        let all: Vec<CollectionShape<'_>> = shapes.iter().map(|shape| CollectionShape { basis: &shape.basis, mesh: &shape.mesh }).collect();
+        let all: Vec<CollectionShape<'_>> =
+            shapes.iter().map(|shape| CollectionShape { basis: &shape.basis, mesh: &shape.mesh }).collect();
         let mut product = parameters.run_shapes(&all, monitor).map_err(failure)?.product;
         let bases: Vec<String> = shapes.iter().map(|shape| shape.id.to_string()).collect();
         let meshes: Vec<&str> = shapes.iter().map(|shape| shape.mesh_id.as_str()).collect();

@@ -86,7 +86,7 @@ impl Connections {
             && let Some((when, Some(why))) = &*asked
             && when.elapsed() < KNOWN
         {
-            return Err(away(why));
+            return Err(database_unavailable(why));
         }
         let mut acquired = std::pin::pin!(self.pool.acquire());
         loop {
@@ -94,7 +94,7 @@ impl Connections {
                 Ok(acquired) => return acquired,
                 Err(_) => {
                     if let Some(why) = self.absence().await {
-                        return Err(away(&why));
+                        return Err(database_unavailable(&why));
                     }
                 }
             }
@@ -189,6 +189,6 @@ impl Connections {
 }
 
 /// That the database is away.
-fn away(why: &str) -> sqlx::Error {
+fn database_unavailable(why: &str) -> sqlx::Error {
     sqlx::Error::Io(std::io::Error::new(std::io::ErrorKind::NotConnected, format!("no connection: {why}")))
 }

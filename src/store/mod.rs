@@ -434,7 +434,7 @@ impl Store {
 
     /// What is due now and then: forgets old idempotency keys, deletes what is not kept, looks for orphans, gives free
     /// pages back, tells each database of the other.
-    async fn tend(&self) -> Result<(), StoreError> {
+    async fn maintain(&self) -> Result<(), StoreError> {
         self.inner.catalog.set(&self.inner.options.clock).await?;
         self.forget_old_keys().await?;
         self.retain_in_turn().await?;
@@ -462,8 +462,8 @@ impl Store {
         &self.inner.work
     }
 
-    /// Rings where a part has changed, or a job that was divided: then [`tend_parts`](Self::tend_parts) may have
-    /// something to do.
+    /// Rings where a part has changed, or a job that was divided: then [`maintain_parts`](Self::maintain_parts) may
+    /// have something to do.
     pub fn parts(&self) -> &Notify {
         &self.inner.parts
     }
@@ -501,7 +501,7 @@ impl Store {
     fn announce_event(&self, event: JobEvent) {
         #[cfg(feature = "cluster")]
         if let Some(hearing) = self.inner.hearing.get() {
-            hearing.tell(&event);
+            hearing.publish(&event);
         }
         self.tell_here(event, true);
     }

@@ -105,18 +105,18 @@ impl Objects {
                     self.note_placed().await?;
                     return Ok(own);
                 }
-                (Some((own, _)), Some(placed)) => return Err(self.stranger(Some(&own), Some(placed))),
+                (Some((own, _)), Some(placed)) => return Err(self.pairing_error(Some(&own), Some(placed))),
                 (Some((own, true)), None) => {
                     // Only the object of the identity may have been deleted.
                     if self.newest_are_there().await? != Some(true) {
-                        return Err(self.stranger(Some(&own), None));
+                        return Err(self.pairing_error(Some(&own), None));
                     }
                     self.write_identity(&own).await?;
                     return Ok(own);
                 }
                 (Some((own, false)), None) => {
                     if self.newest_are_there().await? == Some(false) {
-                        return Err(self.stranger(None, None));
+                        return Err(self.pairing_error(None, None));
                     }
                     self.place_first(&own).await?;
                     placed = self.placed_identity().await?;
@@ -125,9 +125,9 @@ impl Objects {
                 (None, Some(placed)) if self.newest_are_there().await? == Some(true) => {
                     self.adopt(placed, true).await?;
                 }
-                (None, Some(placed)) => return Err(self.stranger(None, Some(placed))),
+                (None, Some(placed)) => return Err(self.pairing_error(None, Some(placed))),
                 (None, None) if self.newest_are_there().await? == Some(false) => {
-                    return Err(self.stranger(None, None));
+                    return Err(self.pairing_error(None, None));
                 }
                 (None, None) => self.adopt(&Uuid::now_v7().to_string(), false).await?,
             }
@@ -191,7 +191,7 @@ impl Objects {
     }
 
     /// Why the two are not used together.
-    fn stranger(&self, own: Option<&str>, placed: Option<&str>) -> StoreError {
+    fn pairing_error(&self, own: Option<&str>, placed: Option<&str>) -> StoreError {
         let how = match (own, placed) {
             (Some(own), Some(placed)) => {
                 format!("the one has the identity {own}, the other {placed}; look at --database and --objects")

@@ -173,7 +173,8 @@ fn the_lines_of_rust_are_these() -> Result<(), Box<dyn Error>> {
 
     let stiffness = csr(rows, rows, &indptr, &indices, &values)?;
     let pencil = Pencil::new(stiffness, Mass::Identity, &[], &Unwatched)?;
-    let pairs = solve(&pencil, &Parameters { selection: PencilSelection::Count(200), ..Parameters::default() }, &Unwatched)?;
+    let parameters = Parameters { selection: PencilSelection::Count(200), ..Parameters::default() };
+    let pairs = solve(&pencil, &parameters, &Unwatched)?;
     // end
     let shown = &blocks("problems.md", "rust")[0];
     let source = include_str!("requests.rs");

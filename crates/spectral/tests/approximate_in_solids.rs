@@ -76,7 +76,8 @@ fn parameters(count: usize, dimension: usize) -> ApproximationParameters {
 }
 
 fn exact(solid: &TetMesh, operator: &MeshOperator, count: usize) -> Vec<f64> {
-    let parameters = HsimParameters { selection: Selection::Count(count), tolerance: 1e-6, ..HsimParameters::default() };
+    let parameters =
+        HsimParameters { selection: Selection::Count(count), tolerance: 1e-6, ..HsimParameters::default() };
     let places = RowPositions::Positions(&solid.positions);
     nested::solve(&operator.problem, places, solid.positions.len(), &parameters, &Unwatched).unwrap().values
 }

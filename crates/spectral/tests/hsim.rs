@@ -209,7 +209,8 @@ fn where_coarse_levels_know_nothing_of_the_mesh_random_vectors_do() {
         let mesh = TriangleMesh { positions, faces, ..Default::default() };
         let problem = operator(&mesh, OperatorKind::Auto, MassKind::Barycentric, Boundary::Neumann).problem;
         let stages = Stages::default();
-        let parameters = HsimParameters { selection: Selection::Count(50), levels: Some(2), ..HsimParameters::default() };
+        let parameters =
+            HsimParameters { selection: Selection::Count(50), levels: Some(2), ..HsimParameters::default() };
         let pairs =
             solve(&mesh, &problem, &parameters, false, &stages).unwrap_or_else(|error| panic!("seed {seed}: {error}"));
         repaired += usize::from(stages.0.lock().unwrap().contains(&"repair"));

@@ -310,7 +310,8 @@ fn negative_eigenvalues_bounds_and_intervals() {
         } else {
             PencilSelection::Below { bound: to, most: 200 }
         };
-        let pairs = proven(&adjacency, &Mass::Identity, &Parameters { selection, ..Parameters::default() }, &inside, 1e-9);
+        let pairs =
+            proven(&adjacency, &Mass::Identity, &Parameters { selection, ..Parameters::default() }, &inside, 1e-9);
         assert_eq!(pairs.certificate.first, exact.iter().filter(|&&value| value < from).count());
     }
     let nothing = Parameters { selection: PencilSelection::Below { bound: -4.1, most: 5 }, ..Parameters::default() };

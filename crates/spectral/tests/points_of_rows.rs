@@ -13,7 +13,8 @@ use chladni_spectral::spectrum::hsim::{HsimParameters, Selection, solve};
 
 fn eigenvalues(mesh: &TriangleMesh, count: usize) -> (Vec<f64>, f64) {
     let operator = assemble(mesh, &OperatorParameters::default(), &Unwatched).unwrap();
-    let parameters = HsimParameters { selection: Selection::Count(count), tolerance: 1e-8, ..HsimParameters::default() };
+    let parameters =
+        HsimParameters { selection: Selection::Count(count), tolerance: 1e-8, ..HsimParameters::default() };
     let pairs = solve(mesh, &operator.problem, &parameters, false, &Unwatched).unwrap();
     (pairs.values, operator.problem.area)
 }

@@ -80,7 +80,8 @@ fn a_real_solid_has_the_matrices_and_eigenvalues_of_scipy() {
             // The largest entries are those of slivers, and differences of nearly equal numbers.
             assert!((found - expected).abs() <= 1e-10 * expected, "{name} {condition}: {found} is not {expected}");
         }
-        let parameters = HsimParameters { selection: Selection::Count(count), tolerance: 1e-8, ..HsimParameters::default() };
+        let parameters =
+            HsimParameters { selection: Selection::Count(count), tolerance: 1e-8, ..HsimParameters::default() };
         let places = RowPositions::Positions(&solid.positions);
         let pairs = solve(&problem, places, solid.positions.len(), &parameters, &Unwatched).unwrap();
         for (found, expected) in pairs.values.iter().zip(values) {

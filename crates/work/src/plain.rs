@@ -12,7 +12,8 @@ use crate::packed::Packed;
 /// Which member does not fit, what it must be and what it is:
 /// `count must be a whole number of at least 0, got the string "many"`.
 pub fn read<'de, T: Deserialize<'de>>(from: &'de Packed) -> Result<T, String> {
-    serde_path_to_error::deserialize(from).map_err(|error| explain_within(from, error.path(), &error.inner().to_string()))
+    serde_path_to_error::deserialize(from)
+        .map_err(|error| explain_within(from, error.path(), &error.inner().to_string()))
 }
 
 /// The same from JSON.
@@ -100,10 +101,10 @@ pub fn explain(path: &str, said: &str) -> String {
     let parts =
         |text: &str| text.rsplit_once(", expected ").map(|(found, wanted)| (found.to_owned(), wanted.to_owned()));
     if let Some((found, wanted)) = said.strip_prefix("invalid type: ").and_then(parts) {
-        return format!("{place} must be {}, got {}", kind(&wanted, false), thing(&found));
+        return format!("{place} must be {}, got {}", kind(&wanted, false), described(&found));
     }
     if let Some((found, wanted)) = said.strip_prefix("invalid value: ").and_then(parts) {
-        return format!("{place} must be {}, got {}", kind(&wanted, true), thing(&found));
+        return format!("{place} must be {}, got {}", kind(&wanted, true), described(&found));
     }
     if let Some((found, wanted)) = said.strip_prefix("invalid length ").and_then(parts) {
         let wanted = kind(&wanted, false);
@@ -177,7 +178,7 @@ fn kind(wanted: &str, range: bool) -> String {
 }
 
 /// What was found.
-fn thing(found: &str) -> String {
+fn described(found: &str) -> String {
     if found.starts_with("string ") {
         return format!("the {found}");
     }

@@ -229,15 +229,15 @@ fn worker(
             _ if fs::metadata(mesh).is_ok_and(|found| !found.is_file()) => {
                 Err(CliError::mesh(mesh, "it is not a regular file"))
             }
-            Computed::Operators { pairs } => operators::one(arguments, mesh, *pairs, shared),
-            Computed::Job(job) => one(arguments, mesh, job, &shared.promises),
+            Computed::Operators { pairs } => operators::run_on_mesh(arguments, mesh, *pairs, shared),
+            Computed::Job(job) => run_on_mesh(arguments, mesh, job, &shared.promises),
         });
         let outcome = match outcome {
             Ok(outcome) => outcome,
             Err(error) if fails_for_all(&error, &arguments.output) => return Err(error),
             Err(error) => Outcome::Failed(message(&error, mesh)),
         };
-        lines.tell(mesh, &outcome, began.elapsed().as_secs_f64())?;
+        lines.report(mesh, &outcome, began.elapsed().as_secs_f64())?;
     }
     Ok(())
 }
@@ -259,7 +259,7 @@ fn message(error: &CliError, mesh: &Path) -> String {
 }
 
 /// Runs a job on a mesh, unless its result is there, whole, and no older than the mesh and the settings.
-fn one(arguments: &BatchArguments, mesh: &Path, job: &Asked, promises: &Promises) -> Result<Outcome, CliError> {
+fn run_on_mesh(arguments: &BatchArguments, mesh: &Path, job: &Asked, promises: &Promises) -> Result<Outcome, CliError> {
     let path = arguments.output.join(result_name(mesh));
     if !arguments.anew && arguments.is_current(&path) && is_newer(&path, mesh) && is_whole(&path, job, promises)? {
         return Ok(Outcome::There(path));

@@ -7,8 +7,8 @@ use chladni_base::{Monitor, Unwatched};
 use chladni_spectral::basis::ProductKind;
 use chladni_spectral::field::{DesignModel, FullSpace};
 use chladni_work::design::{
-    AlignmentRequest, DesignRequest, Designed, FacesRequest, FieldSource, FieldTable, Goal, ReferencedFields, Lifted,
-    NamedTarget, NamedWeights, PerFace, Setting, Target, numerators,
+    AlignmentRequest, DesignRequest, Designed, FacesRequest, FieldSource, FieldTable, Goal, Lifted, NamedTarget,
+    NamedWeights, PerFace, ReferencedFields, Setting, Target, numerators,
 };
 use futures_util::future::BoxFuture;
 use uuid::Uuid;
@@ -265,7 +265,11 @@ async fn goal(
 }
 
 /// The stored fields that an alignment names.
-async fn named(state: &ClientState, loaded: &LoadedBasis, wanted: &AlignmentRequest) -> Result<ReferencedFields, Problem> {
+async fn named(
+    state: &ClientState,
+    loaded: &LoadedBasis,
+    wanted: &AlignmentRequest,
+) -> Result<ReferencedFields, Problem> {
     let mut kept = ReferencedFields::default();
     if let Target::Field(FieldTable::Stored(field)) = &wanted.to {
         kept.to = Some(cache::stored_on(state, &field.stored, &loaded.mesh, "alignment.to.stored").await?);

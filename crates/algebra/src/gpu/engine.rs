@@ -68,7 +68,7 @@ impl Engine {
     }
 
     /// Whether a problem of size `d` should run here.
-    pub(super) fn wants(&self, d: usize, count: usize) -> bool {
+    pub(super) fn prefers_device(&self, d: usize, count: usize) -> bool {
         self.precision(d, count).is_some()
     }
 
@@ -77,7 +77,7 @@ impl Engine {
         match &self.speeds {
             Some(speeds) => speeds.best(d, count),
             None if self.device.adapter().f64 => Some(Precision::Double),
-            None => refine::suits(d, count).then_some(Precision::Single),
+            None => refine::refinement_pays(d, count).then_some(Precision::Single),
         }
     }
 

@@ -42,7 +42,7 @@ impl Engine {
         match *self {}
     }
 
-    pub(super) fn wants(&self, _: usize, _: usize) -> bool {
+    pub(super) fn prefers_device(&self, _: usize, _: usize) -> bool {
         match *self {}
     }
 

@@ -86,7 +86,8 @@ pub(super) fn product<T: Real>(device: &Device, form: Form, (m, n, k): (usize, u
     let (inner_a, inner_b) = (a.part(2, a_rows, 1, a_columns), b.part(1, b_rows, 4, b_columns));
     multiply(&mut recorder, form, c.part(3, m, 2, n), inner_a, inner_b, (-1.0, 1.0))?;
     recorder.finish()?;
-    let at = |row: usize, column: usize, columns: usize| Submatrix { at: row * (columns + 5) + column, pitch: columns + 5 };
+    let at =
+        |row: usize, column: usize, columns: usize| Submatrix { at: row * (columns + 5) + column, pitch: columns + 5 };
     twin::multiply(
         form,
         (m, n, k),

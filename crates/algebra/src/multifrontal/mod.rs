@@ -46,7 +46,7 @@ pub(super) struct Found {
 }
 
 impl Found {
-    fn and(self, other: Self) -> Self {
+    fn merged(self, other: Self) -> Self {
         Self {
             growth: self.growth.max(other.growth),
             below: self.below + other.below,
@@ -157,12 +157,12 @@ impl<'a> Job<'a> {
         let mut children: Vec<Update> = Vec::new();
         for (update, of) in below {
             children.extend(update);
-            found = found.and(of);
+            found = found.merged(of);
         }
         let mut hanging = Vec::new();
         for (updates, of) in tasks {
             hanging.extend(updates);
-            found = found.and(of);
+            found = found.merged(of);
         }
         let mut hanging = hanging.into_iter().peekable();
         let mut workspace = self.workspace();
@@ -173,7 +173,7 @@ impl<'a> Job<'a> {
                 children.push(update);
             }
             let (update, of) = self.front(at, piece, &children, &mut workspace, memory)?;
-            found = found.and(of);
+            found = found.merged(of);
             // The largest matrix that is not needed any more is the memory of the next.
             let spare = children.drain(..).map(|child| child.values).max_by_key(Vec::len);
             memory = spare.unwrap_or_default();
@@ -191,7 +191,7 @@ impl<'a> Job<'a> {
         for &piece in &task.pieces {
             self.go_on()?;
             let range = self.plan.pieces[piece].clone();
-            found = found.and(self.subtree(range.clone(), piece, &mut workspace)?);
+            found = found.merged(self.subtree(range.clone(), piece, &mut workspace)?);
             updates.push(workspace.top(range.end - 1, self.below(range.end - 1), self.errors.is_some()));
         }
         self.keep(workspace);
@@ -295,7 +295,7 @@ impl<'a> Job<'a> {
                 }
                 own_found.error = sums.finish(node, values);
             }
-            found = found.and(own_found);
+            found = found.merged(own_found);
             if let Some(&(_, from)) = children.first() {
                 other.used = from;
             }

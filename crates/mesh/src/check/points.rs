@@ -66,14 +66,14 @@ fn examine_points(positions: Vec<[f64; 3]>, options: &CheckOptions) -> Examined 
         error: None,
     };
     let mut found = Found::default();
-    examined.error = settle(positions, options, &mut examined, &mut found).err();
+    examined.error = repair_points(positions, options, &mut examined, &mut found).err();
     found.defects.sort_by_key(|defect| defect.kind);
     (examined.report.defects, examined.report.repairs) = (found.defects, found.repairs);
     examined.report.euler_characteristic = examined.report.vertices as i64;
     examined
 }
 
-fn settle(
+fn repair_points(
     positions: Vec<[f64; 3]>,
     options: &CheckOptions,
     examined: &mut Examined,

@@ -200,7 +200,13 @@ impl<'l> Builder<'l> {
         if let Some(Forward { index, element, number, location }) = self.forward
             && index as usize >= vertices
         {
-            return Err(ReadError::IndexOutOfRange { element, number, location, index: i64::from(index) + 1, vertices });
+            return Err(ReadError::IndexOutOfRange {
+                element,
+                number,
+                location,
+                index: i64::from(index) + 1,
+                vertices,
+            });
         }
         polygon::triangulate(&self.mesh.positions, &mut self.mesh.faces, &self.fans, corners);
         self.mesh.polygons_triangulated = self.fans.len();

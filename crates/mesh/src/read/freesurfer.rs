@@ -10,8 +10,11 @@ pub(super) const MAGIC: &[u8] = b"\xff\xff\xfe";
 /// Reads a surface: the magic number, two lines of text, the numbers of vertices and faces, positions in single
 /// precision, corners; all numbers have their highest byte first. What follows, the volume's geometry, is passed over.
 pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
-    let wrong =
-        |at: usize, reason| ReadError::Header { format: MeshFormat::FreeSurfer, location: FileLocation::Byte(at), reason };
+    let wrong = |at: usize, reason| ReadError::Header {
+        format: MeshFormat::FreeSurfer,
+        location: FileLocation::Byte(at),
+        reason,
+    };
     let Some(text) = bytes.strip_prefix(MAGIC) else {
         return Err(wrong(0, "it does not begin with the bytes ff ff fe of a triangle surface"));
     };

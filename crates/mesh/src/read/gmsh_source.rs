@@ -160,7 +160,8 @@ impl<'a> Source<'a> {
     fn bytes<const N: usize>(&mut self) -> Result<[u8; N], ReadError> {
         let at = self.at();
         let bytes = self.all.get(at..).and_then(|rest| rest.first_chunk());
-        let &bytes = bytes.ok_or(ReadError::MissingSection { location: FileLocation::Byte(at), section: self.section })?;
+        let &bytes =
+            bytes.ok_or(ReadError::MissingSection { location: FileLocation::Byte(at), section: self.section })?;
         self.go_to(at + N);
         Ok(bytes)
     }

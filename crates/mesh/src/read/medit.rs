@@ -60,7 +60,8 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
 }
 
 fn header(text: &mut Text) -> Result<(), ReadError> {
-    let wrong = |text: &Text, reason| ReadError::Header { format: MeshFormat::Medit, location: text.location(), reason };
+    let wrong =
+        |text: &Text, reason| ReadError::Header { format: MeshFormat::Medit, location: text.location(), reason };
     if !text.any() || text.token() != b"MeshVersionFormatted" {
         return Err(wrong(text, "it does not begin with MeshVersionFormatted"));
     }

@@ -123,7 +123,10 @@ mod tests {
     fn refusals_name_the_line() {
         let location = FileLocation::Line(2);
         let cases = [
-            ("v 0 0 0\nf 0 1 1", ReadError::IndexZero { format: MeshFormat::Obj, element: "face", number: 0, location }),
+            (
+                "v 0 0 0\nf 0 1 1",
+                ReadError::IndexZero { format: MeshFormat::Obj, element: "face", number: 0, location },
+            ),
             (
                 "v 0 0 0\nf 1 -2 1",
                 ReadError::IndexBeforeStart { element: "face", number: 0, location, back: 2, vertices: 1 },
@@ -138,7 +141,11 @@ mod tests {
             ),
             (
                 "v 0 0 0\nf 1 1 99999999999999999999",
-                ReadError::NumberTooLarge { location, token: "99999999999999999999".into(), expected: "a vertex index" },
+                ReadError::NumberTooLarge {
+                    location,
+                    token: "99999999999999999999".into(),
+                    expected: "a vertex index",
+                },
             ),
             ("v 0 0 0\nf 1 1 x/2", ReadError::NotANumber { location, token: "x".into(), expected: "a vertex index" }),
             ("v 0 0 0\nv 1 2", ReadError::MissingValue { location, expected: "a coordinate" }),

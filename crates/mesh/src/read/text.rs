@@ -145,10 +145,9 @@ impl<'a> Text<'a> {
         }
         let mut value = 0i64;
         for &digit in digits {
-            value = value
-                .checked_mul(10)
-                .and_then(|v| v.checked_add(i64::from(digit - b'0')))
-                .ok_or_else(|| ReadError::NumberTooLarge { location: self.location(), token: shorten(token), expected })?;
+            value = value.checked_mul(10).and_then(|v| v.checked_add(i64::from(digit - b'0'))).ok_or_else(|| {
+                ReadError::NumberTooLarge { location: self.location(), token: shorten(token), expected }
+            })?;
         }
         Ok(if negative { -value } else { value })
     }
@@ -334,7 +333,11 @@ mod tests {
             }
             assert_eq!(
                 seen,
-                [(b"a".to_vec(), FileLocation::Line(1)), (b"b".to_vec(), FileLocation::Line(2)), (b"d".to_vec(), FileLocation::Line(5))]
+                [
+                    (b"a".to_vec(), FileLocation::Line(1)),
+                    (b"b".to_vec(), FileLocation::Line(2)),
+                    (b"d".to_vec(), FileLocation::Line(5))
+                ]
             );
         }
         let mut text = Text::new(b"f 1 \\\n2\n3");

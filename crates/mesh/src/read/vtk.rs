@@ -117,7 +117,10 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    pub fn each(self, mut with: impl FnMut(usize, (&[i64], FileLocation)) -> Result<(), ReadError>) -> Result<(), ReadError> {
+    pub fn each(
+        self,
+        mut with: impl FnMut(usize, (&[i64], FileLocation)) -> Result<(), ReadError>,
+    ) -> Result<(), ReadError> {
         let mut begin = 0;
         for (number, &end) in self.ends.iter().enumerate() {
             with(number, (&self.corners[begin..end as usize], self.location))?;
@@ -137,7 +140,8 @@ struct File<'a> {
 
 impl<'a> File<'a> {
     fn new(bytes: &'a [u8]) -> Result<Self, ReadError> {
-        let wrong = |line, reason| ReadError::Header { format: MeshFormat::Vtk, location: FileLocation::Line(line), reason };
+        let wrong =
+            |line, reason| ReadError::Header { format: MeshFormat::Vtk, location: FileLocation::Line(line), reason };
         let mut ends = bytes.iter().enumerate().filter(|(_, byte)| **byte == b'\n').map(|(at, _)| at + 1);
         let [Some(first), Some(second)] = [ends.next(), ends.next()] else {
             return Err(wrong(1, "a line with the version and one with a title are missing"));

@@ -168,8 +168,8 @@ fn cells(
 /// What kind of cell each is.
 fn kinds(piece: Node<'_, '_>, count: usize, coding: Coding<'_>) -> Result<Vec<u8>, ReadError> {
     let element = piece.children().find(|node| node.has_tag_name("Cells"));
-    let element =
-        element.ok_or(ReadError::MissingSection { location: FileLocation::Byte(piece.range().start), section: "Cells" })?;
+    let element = element
+        .ok_or(ReadError::MissingSection { location: FileLocation::Byte(piece.range().start), section: "Cells" })?;
     let mut kinds = Vec::with_capacity(count);
     named(element, ("types", "type"), coding)?.each_whole(count, |kind| {
         // No cell has the last of all numbers for its type.

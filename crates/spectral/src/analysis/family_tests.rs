@@ -73,7 +73,8 @@ fn members_between_the_anchors_have_the_values_of_their_operators() {
             let found = spectrum(&basis, member, 50).unwrap();
             let direct =
                 assemble(&mesh, &OperatorParameters { operator, ..Default::default() }, &Unwatched).unwrap().problem;
-            let wanted = HsimParameters { selection: Selection::Count(50), tolerance: 1e-6, ..HsimParameters::default() };
+            let wanted =
+                HsimParameters { selection: Selection::Count(50), tolerance: 1e-6, ..HsimParameters::default() };
             let exact = hsim::solve(&mesh, &direct, &wanted, false, &Unwatched).unwrap();
             for (a, b) in found.eigenvalues.iter().zip(&exact.values).skip(1) {
                 assert!(*a > b * (1.0 - 1e-6) && *a < 1.005 * b, "{shape:?}, {member:?}: {a} {b}");

@@ -110,7 +110,7 @@ impl LowestFields {
 
     /// How many fields are corrected together for so many that are wanted, of so many that there are: some more, which
     /// keep the last from mixing with what lies above them.
-    pub fn together(wanted: usize, all: usize) -> usize {
+    pub fn block_size(wanted: usize, all: usize) -> usize {
         (wanted + (wanted / 4).max(3)).min(all)
     }
 
@@ -130,7 +130,7 @@ impl LowestFields {
 impl FullSpace {
     /// Judges and corrects approximate eigenfields: `start`, the lowest of a small space by ascending value, of which
     /// the first `wanted` count. The others keep what lies above away; there should be some, see
-    /// [`LowestFields::together`].
+    /// [`LowestFields::block_size`].
     ///
     /// # Errors
     /// [`RefineError`]: a field of another length, fields that depend on each other; cancellation.
@@ -391,7 +391,13 @@ impl<'a, const B: usize> Lowest<'a, B> {
         }
     }
 
-    fn into_lowest_fields(self, first: &[f64], corrections: Vec<Correction>, rounds: usize, reached: bool) -> LowestFields {
+    fn into_lowest_fields(
+        self,
+        first: &[f64],
+        corrections: Vec<Correction>,
+        rounds: usize,
+        reached: bool,
+    ) -> LowestFields {
         let idle = self.idle.into_iter().map(|(field, value)| {
             let value = value.max(0.0);
             // What there is lies between zero and the value.

@@ -27,7 +27,7 @@ fn grid(across: usize, up: usize) -> TriangleMesh {
 fn start(surface: &FieldSurface, kind: FieldKind, dimension: usize, wanted: usize) -> (Vec<Vec<f64>>, Vec<f64>) {
     let basis = field_basis(surface, &FieldParameters::new(kind, dimension), &Unwatched).unwrap();
     let model = DesignModel::new(&basis, &Unwatched).unwrap();
-    let count = LowestFields::together(wanted, model.dimension());
+    let count = LowestFields::block_size(wanted, model.dimension());
     let lifted = |k: usize| basis.space.lift(&model.eigenfield(k)).unwrap().into_iter().map(f64::from).collect();
     ((0..count).map(lifted).collect(), model.values()[..count].to_vec())
 }

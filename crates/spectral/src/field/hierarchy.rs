@@ -89,8 +89,12 @@ pub(super) fn hierarchy<const B: usize>(
     let mass = BlockMatrix::from_rows(faces, faces, |f, entries| {
         entries.push((f as u32, scaled_identity(operator.mass[f])));
     });
-    let finest =
-        FieldLevel { stiffness: operator.stiffness.clone(), mass, roots: (0..faces as u32).collect(), interpolation: None };
+    let finest = FieldLevel {
+        stiffness: operator.stiffness.clone(),
+        mass,
+        roots: (0..faces as u32).collect(),
+        interpolation: None,
+    };
     let mut levels = vec![finest];
     let mut graph: Option<Graph> = None;
     while let Some(fine) = levels.last()

@@ -217,7 +217,7 @@ impl<'a, const B: usize> Pulls<'a, B> {
 
     /// Learns from one coarse response what the reduced space lacks at each face, which spares steps that are computed
     /// closely.
-    fn learn(&mut self, pulls: &[f64]) -> Result<(), RefineError> {
+    fn absorb_coarse_response(&mut self, pulls: &[f64]) -> Result<(), RefineError> {
         let moved = self.respond(pulls, PROBE)?;
         let moved = at_faces::<B>(&self.compliance.faces, &moved);
         let missing = self.missing(pulls, &moved);
@@ -262,7 +262,7 @@ impl<'a, const B: usize> Pulls<'a, B> {
         let mut scaled = self.answer(&mut miss, &mut amounts)?;
         let mut size = product(&miss, &scaled);
         if self.learns && size > asked * ROUNDING * ROUNDING {
-            self.learn(&scaled)?;
+            self.absorb_coarse_response(&scaled)?;
             scaled = self.answer(&mut miss, &mut amounts)?;
             size = product(&miss, &scaled);
         }

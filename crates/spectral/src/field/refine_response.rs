@@ -244,7 +244,7 @@ pub(super) const IDLE: f64 = 1e-7;
 
 impl<const B: usize> Factor<'_, B> {
     /// About `(S + γM)⁻¹ r`; with a factor of no other shift exactly.
-    fn once(&self, r: &[f64]) -> Vec<f64> {
+    fn apply_inverse(&self, r: &[f64]) -> Vec<f64> {
         match &self.solver {
             Solver::Cycles(cycles) => cycles.cycle(r),
             Solver::Direct(direct, factor) => direct.solve(factor, r),
@@ -267,7 +267,7 @@ impl<const B: usize> Factor<'_, B> {
     ) -> Result<Vec<f64>, RefineError> {
         if self.is_exact() {
             monitor.checkpoint()?;
-            let mut x = self.once(f);
+            let mut x = self.apply_inverse(f);
             if self.gamma == 0.0 {
                 kernel.iter().for_each(|kernel| kernel.take_out(whole, &mut x));
             }
@@ -276,7 +276,7 @@ impl<const B: usize> Factor<'_, B> {
         let kernel = if self.gamma == 0.0 { kernel } else { None };
         let apply = |x: &[f64]| if self.gamma > 0.0 { whole.shifted(self.gamma, x) } else { whole.stiff(x) };
         let precondition = |r: &[f64]| {
-            let mut z = self.once(r);
+            let mut z = self.apply_inverse(r);
             kernel.iter().for_each(|kernel| kernel.take_out(whole, &mut z));
             Ok(z)
         };
@@ -293,10 +293,10 @@ impl<const B: usize> Factor<'_, B> {
     ) -> Result<Vec<f64>, RefineError> {
         if self.is_exact() {
             monitor.checkpoint()?;
-            return Ok(self.once(f));
+            return Ok(self.apply_inverse(f));
         }
         let apply = |x: &[f64]| whole.shifted(self.gamma, x);
-        let precondition = |r: &[f64]| Ok(self.once(r));
+        let precondition = |r: &[f64]| Ok(self.apply_inverse(r));
         Ok(steps(apply, precondition, f, tolerance, monitor)?.0)
     }
 }

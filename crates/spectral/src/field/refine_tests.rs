@@ -45,7 +45,13 @@ fn spread(faces: usize, count: usize, hold: impl Fn(usize) -> Hold) -> Vec<Const
 
 impl Problem {
     /// The minimiser by a dense factor: soft constraints by their weights, those that are met exactly by elimination.
-    fn dense_minimiser(&self, weights: EnergyWeights, held: &[f64], force: &[f64], compliance: &Compliance) -> Vec<f64> {
+    fn dense_minimiser(
+        &self,
+        weights: EnergyWeights,
+        held: &[f64],
+        force: &[f64],
+        compliance: &Compliance,
+    ) -> Vec<f64> {
         let n = self.masses.len();
         let b = self.basis.space.block();
         let dense = self.stiffness.to_dense();

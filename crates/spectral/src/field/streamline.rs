@@ -202,7 +202,7 @@ impl Hatching<'_> {
             if self.is_near(&seed.place, seed.along, apart, None) {
                 continue;
             }
-            if let Some(line) = self.lay(&seed, parameters.least_length * self.spacing, monitor)? {
+            if let Some(line) = self.trace_line(&seed, parameters.least_length * self.spacing, monitor)? {
                 seeds.extend(self.seeds_around(&line));
             }
         }
@@ -272,7 +272,13 @@ impl Hatching<'_> {
     }
 
     /// The same place and direction seen from the face across edge `k`, and whether that has the opposite orientation.
-    fn cross(&self, face: u32, k: usize, at: [f64; 3], direction: Complex64) -> Option<(SurfacePoint, Complex64, bool)> {
+    fn cross(
+        &self,
+        face: u32,
+        k: usize,
+        at: [f64; 3],
+        direction: Complex64,
+    ) -> Option<(SurfacePoint, Complex64, bool)> {
         let dual = self.surface.dual();
         let next = dual.neighbours(face as usize)[k];
         if next == NO_FACE {
@@ -340,7 +346,7 @@ impl Hatching<'_> {
     }
 
     /// Lays the line through a seed; `None` where it is too short.
-    fn lay(
+    fn trace_line(
         &mut self,
         &Seed { place: seed, along: start }: &Seed,
         least: f64,

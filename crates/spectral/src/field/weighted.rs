@@ -304,7 +304,7 @@ impl WeightedModel {
                     at = range.end;
                     if !range.clone().all(|c| near(&rows, &conditions[c], b * c..b * (c + 1), &found.field)) {
                         met = false;
-                        conditions[range].iter_mut().for_each(Condition::harden);
+                        conditions[range].iter_mut().for_each(Condition::stiffen);
                     }
                 }
                 if met {

@@ -255,8 +255,8 @@ impl<'a> Energy<'a> {
     ) -> Vec<Measure> {
         let sigma = self.sigma(ritz, limits);
         let (enclosed, mut kept) = self.enclosed(workspace, half, ritz, residuals, sigma);
-        let conclude = |k: usize| self.conclude(&residuals.pairs[k], &enclosed.of(k), ritz[k], sigma);
-        let measures: Vec<Measure> = (0..ritz.len()).map(conclude).collect();
+        let measure_of = |k: usize| self.measure_of(&residuals.pairs[k], &enclosed.of(k), ritz[k], sigma);
+        let measures: Vec<Measure> = (0..ritz.len()).map(measure_of).collect();
         let mut weights = [0.0; CYCLE_WIDTH];
         for ((weight, measure), theta) in weights.iter_mut().zip(&measures).zip(ritz) {
             *weight = self.weight(measure, *theta, limits);
@@ -292,7 +292,8 @@ impl<'a> Energy<'a> {
         };
         while steps < MOST_STEPS && !close(&enclosed) {
             self.keep(workspace, half, sigma, &mut kept, CycleOutput::Both);
-            enclosed = self.step(workspace, half, sigma, Step { first: false, keep: CycleOutput::Both, by_trees: true });
+            enclosed =
+                self.step(workspace, half, sigma, Step { first: false, keep: CycleOutput::Both, by_trees: true });
             steps += 1;
         }
         // The next panel has much the same needs.
@@ -316,7 +317,7 @@ impl<'a> Energy<'a> {
     /// Whether a pair needs no other cycle.
     fn is_close(&self, residual: &PairResidual, enclosed: &EnclosureSums, ritz: f64, sigma: f64) -> bool {
         enclosed.excess <= SLACK * sigma * enclosed.below
-            || self.conclude(residual, enclosed, ritz, sigma).bound <= CLOSE * (ritz + self.floor)
+            || self.measure_of(residual, enclosed, ritz, sigma).bound <= CLOSE * (ritz + self.floor)
     }
 
     /// The weight of a pair in the density: nothing where it misses little.
@@ -327,8 +328,8 @@ impl<'a> Energy<'a> {
     }
 
     /// What the enclosure says of a pair.
-    fn conclude(&self, residual: &PairResidual, enclosed: &EnclosureSums, ritz: f64, sigma: f64) -> Measure {
-        conclude(residual, enclosed, ritz, sigma, (self.floor, self.mass.lumped_ratio()))
+    fn measure_of(&self, residual: &PairResidual, enclosed: &EnclosureSums, ritz: f64, sigma: f64) -> Measure {
+        measure_of(residual, enclosed, ritz, sigma, (self.floor, self.mass.lumped_ratio()))
     }
 
     /// `r = S x − θ M x` of the panel into `right`, in single precision, with the sums that it enters. `x` is lifted
@@ -422,7 +423,7 @@ fn sigma(ritz: &[f64], floor: f64, limits: KernelAndGoal) -> f64 {
 }
 
 /// What the enclosure says of a pair, where the lumped mass is at most so many times the mass.
-fn conclude(
+fn measure_of(
     residual: &PairResidual,
     enclosed: &EnclosureSums,
     ritz: f64,

@@ -6,8 +6,8 @@
 //! problems with three entries a row and more are solved instead of one of thirteen blocks a row, and their
 //! certificates prove the union complete.
 
+mod inverse_iteration;
 mod part;
-mod settle;
 
 use chladni_algebra::{MassMatrix, PANEL_WIDTH, PanelMatrix, gram};
 use chladni_base::{Cancelled, Monitor};
@@ -17,9 +17,9 @@ use chladni_mesh::dual::DualGraph;
 use crate::operator::frames::FaceFrames;
 use crate::operator::hodge::{FieldBoundary, ScalarProblem, conforming_problem, nonconforming_problem};
 
+use inverse_iteration::inverse_iteration;
+pub use inverse_iteration::inverse_iteration_bytes;
 use part::Part;
-use settle::settle;
-pub use settle::settle_bytes;
 
 use super::hsim::{self, Eigenpairs, HsimError, HsimParameters, InertiaCount, LevelReport, Selection};
 
@@ -104,7 +104,7 @@ pub fn hodge_spectrum(
         }
         (tolerance, best) = (next, Some(found));
     };
-    settle(&mut found, surface, boundary, parameters.tolerance, monitor)?;
+    inverse_iteration(&mut found, surface, boundary, parameters.tolerance, monitor)?;
     found.orthonormality_defect = found.orthonormality_defect.max(defect(frames, &found.fields, monitor)?);
     Ok(found)
 }

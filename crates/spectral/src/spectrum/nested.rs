@@ -12,7 +12,7 @@ use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor, SplitMix64};
 use chladni_mesh::TriangleMesh;
 
-use super::hsim::{self, Eigenpairs, HsimError, HsimParameters, Variant, Selection};
+use super::hsim::{self, Eigenpairs, HsimError, HsimParameters, Selection, Variant};
 use super::local::{self, Search};
 use crate::operator::EigenProblem;
 

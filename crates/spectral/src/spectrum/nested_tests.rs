@@ -11,7 +11,8 @@ use chladni_mesh::shape::{Shape, generate};
 
 fn lowest(solid: &TetMesh, mass: MassKind, boundary: Boundary, count: usize) -> Vec<f64> {
     let problem = volume::assemble(solid, mass, boundary, &Unwatched).unwrap().problem;
-    let parameters = HsimParameters { selection: Selection::Count(count), tolerance: 1e-8, ..HsimParameters::default() };
+    let parameters =
+        HsimParameters { selection: Selection::Count(count), tolerance: 1e-8, ..HsimParameters::default() };
     let places = RowPositions::Positions(&solid.positions);
     let pairs = solve(&problem, places, solid.positions.len(), &parameters, &Unwatched).unwrap();
     assert!(pairs.orthonormality_defect < 1e-10);
@@ -133,8 +134,9 @@ fn components_have_a_constant_each_and_a_bound_is_refused() {
     let parameters = OperatorParameters { operator: OperatorKind::Graph, ..OperatorParameters::default() };
     let operator = assemble(&mesh, &parameters, &Unwatched).unwrap();
     let wanted = HsimParameters { selection: Selection::Count(30), tolerance: 1e-6, ..HsimParameters::default() };
-    let solved =
-        |wanted: &HsimParameters| solve(&operator.problem, RowPositions::Nowhere, mesh.positions.len(), wanted, &Unwatched);
+    let solved = |wanted: &HsimParameters| {
+        solve(&operator.problem, RowPositions::Nowhere, mesh.positions.len(), wanted, &Unwatched)
+    };
     let values = solved(&wanted).unwrap().values;
     assert_eq!(values[..2], [0.0, 0.0]);
     assert!(values[2] > 0.0);
@@ -164,7 +166,8 @@ fn a_count_that_cuts_the_cluster_of_identical_copies_is_met_and_says_so() {
     // Triplets of the sphere, eight times; and its fifth value, which belongs to others.
     assert!(dense[3] - dense[1] < 1e-9 * dense[1] && dense[4] > 1.1 * dense[3]);
     for (count, cut) in [(14, true), (9, true), (31, true), (32, false), (8, false), (3, true)] {
-        let wanted = HsimParameters { selection: Selection::Count(count), tolerance: 1e-8, ..HsimParameters::default() };
+        let wanted =
+            HsimParameters { selection: Selection::Count(count), tolerance: 1e-8, ..HsimParameters::default() };
         let found = solve(&whole, RowPositions::Nowhere, mesh.positions.len(), &wanted, &Unwatched).unwrap();
         assert_eq!(completeness(0, &found.values, &found.inertia), Some(true), "{count}: {:?}", found.inertia);
         let cluster = if count < 8 { CutCluster { first: 0, end: 8 } } else { CutCluster { first: 8, end: 32 } };

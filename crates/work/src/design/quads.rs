@@ -12,7 +12,7 @@ use chladni_spectral::operator::transport::FieldKind;
 use serde::{Deserialize, Serialize};
 
 use super::request::{DesignRequest, Pin, SingularVertex, refused};
-use super::{DesignFault, FieldSource, FieldContent, Surface};
+use super::{DesignFault, FieldContent, FieldSource, Surface};
 use crate::table::Table;
 
 /// A seamless parametrisation along a cross field.

@@ -86,7 +86,7 @@ pub struct ReferencedFields {
 }
 
 /// Where nobody keeps anything.
-pub(super) fn nowhere(place: &str) -> DesignFault {
+pub(super) fn no_stored_fields(place: &str) -> DesignFault {
     refused("stored", place, "stored fields exist only on a server; give the numbers themselves")
 }
 
@@ -123,7 +123,8 @@ impl FieldContent {
                 Ok(values.as_chunks::<2>().0.iter().flat_map(turned).collect())
             }
             Some(kind) => {
-                let reason = format!("a stored field of {} cannot be used as one of {}", kind_name(kind), kind_name(wanted));
+                let reason =
+                    format!("a stored field of {} cannot be used as one of {}", kind_name(kind), kind_name(wanted));
                 Err(refused("stored", place, reason))
             }
         }

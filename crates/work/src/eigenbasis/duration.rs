@@ -3,7 +3,7 @@
 //! 1,000 pairs beside other work on the machine, took .7 to 2.1 times as long as told
 //! (`chladni solve rocker-arm.off -n 500 --method hsim --threads 1`, likewise armadillo and igea, both methods).
 
-use chladni_spectral::spectrum::hsim::{Variant, Selection};
+use chladni_spectral::spectrum::hsim::{Selection, Variant};
 
 use super::{Approximate, Exact};
 

@@ -6,7 +6,7 @@ use chladni_mesh::TriangleMesh;
 use chladni_spectral::basis::{Basis, DenseFunctions, Functions, Interval, Precision, Provenance};
 use chladni_spectral::operator::{EigenProblem, MeshOperator};
 use chladni_spectral::spectrum::heat::HeatParameters;
-use chladni_spectral::spectrum::hsim::{self, Eigenpairs, HsimError, HsimParameters, Variant, Selection};
+use chladni_spectral::spectrum::hsim::{self, Eigenpairs, HsimError, HsimParameters, Selection, Variant};
 use chladni_spectral::spectrum::nested::{self, RowPositions};
 use chladni_spectral::spectrum::{ApproximationParameters, Space, subspace};
 use serde::{Deserialize, Serialize};

@@ -6,8 +6,8 @@ use chladni_spectral::basis::{Basis, Certificate, DenseFunctions, Functions, Pre
 use chladni_spectral::field::{FieldSurface, HarmonicError, harmonic_fields};
 use chladni_spectral::operator::hodge::{FieldBoundary, hodge_problem};
 use chladni_spectral::operator::{MassKind, MassMatrix, OperatorError, OperatorParameters};
-use chladni_spectral::spectrum::hodge::{FieldPart, hodge_spectrum, settle_bytes};
-use chladni_spectral::spectrum::hsim::{HsimError, HsimParameters, Variant, Selection};
+use chladni_spectral::spectrum::hodge::{FieldPart, hodge_spectrum, inverse_iteration_bytes};
+use chladni_spectral::spectrum::hsim::{HsimError, HsimParameters, Selection, Variant};
 
 use super::exact::residuals_as_stored;
 use super::{Exact, Method, StorageKind, value};
@@ -43,7 +43,7 @@ pub fn memory_bytes(exact: &Exact, vertices: u64, faces: u64) -> u64 {
     let graph = faces * 400;
     let results = 2 * faces * fields * (8 + exact.precision.unwrap_or(Precision::F64).bytes() as u64)
         + 8 * (vertices + edges) * half;
-    graph + results + scalar.memory_bytes(edges) + edges * 160 + settle_bytes(faces)
+    graph + results + scalar.memory_bytes(edges) + edges * 160 + inverse_iteration_bytes(faces)
 }
 
 /// Computes the basis: `2F` rows, two for each face in its frame, with the area of the face as the mass of both.

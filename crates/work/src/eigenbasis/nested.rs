@@ -5,7 +5,7 @@ use chladni_base::Monitor;
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::Basis;
 use chladni_spectral::operator::{Laplacian, MassKind, MeshOperator, OperatorKind, OperatorParameters, graph};
-use chladni_spectral::spectrum::hsim::{Variant, Selection};
+use chladni_spectral::spectrum::hsim::{Selection, Variant};
 use chladni_spectral::spectrum::nested::RowPositions;
 use chladni_spectral::spectrum::{Domain, Space};
 

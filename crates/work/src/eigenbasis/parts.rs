@@ -11,7 +11,7 @@ use chladni_spectral::basis::{Basis, EIGENBASIS_PART, Part, Product};
 use chladni_spectral::operator::{LaplacianByRows, MassKind, MeshOperator, OperatorKind};
 use chladni_spectral::spectrum::approximate_parts;
 use chladni_spectral::spectrum::hsim::parts::{PartError, Parted};
-use chladni_spectral::spectrum::hsim::{HsimParameters, Variant, Selection};
+use chladni_spectral::spectrum::hsim::{HsimParameters, Selection, Variant};
 
 use serde_json::{Value, json};
 

@@ -2,7 +2,7 @@
 
 use super::super::error::shorten;
 use super::super::text::Text;
-use super::{MeshFormat, FileLocation, ReadError, ReadLimits};
+use super::{FileLocation, MeshFormat, ReadError, ReadLimits};
 
 /// The type of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -161,7 +161,9 @@ impl Header {
                 }
                 Some(b"property") => {
                     let kind = match words.required(location, "a type")? {
-                        b"list" => Kind::List { length: words.number_type(location)?, item: words.number_type(location)? },
+                        b"list" => {
+                            Kind::List { length: words.number_type(location)?, item: words.number_type(location)? }
+                        }
                         name => Kind::Scalar(number_type(name, location)?),
                     };
                     let name = words.required(location, "the name of a property")?.to_vec();

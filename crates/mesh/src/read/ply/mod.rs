@@ -50,11 +50,13 @@ impl Plan {
         let mut roles: Vec<Role> = Vec::with_capacity(header.elements.len());
         let mut vertices = None;
         let mut seen = [false; 2];
-        let mut once =
-            |which: usize, element: &'static str, location: FileLocation| match std::mem::replace(&mut seen[which], true) {
-                true => Err(ReadError::DuplicateElement { location, element }),
-                false => Ok(()),
-            };
+        let mut once = |which: usize, element: &'static str, location: FileLocation| match std::mem::replace(
+            &mut seen[which],
+            true,
+        ) {
+            true => Err(ReadError::DuplicateElement { location, element }),
+            false => Ok(()),
+        };
         for element in &header.elements {
             roles.push(match element.name.as_slice() {
                 b"vertex" => {

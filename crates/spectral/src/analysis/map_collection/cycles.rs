@@ -2,7 +2,7 @@
 
 use chladni_base::parallel::*;
 
-use super::{CollectionMap, Samples, CollectionShape};
+use super::{CollectionMap, CollectionShape, Samples};
 use crate::basis::CycleErrors;
 
 impl CycleErrors {

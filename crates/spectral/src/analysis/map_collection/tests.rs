@@ -47,7 +47,8 @@ fn request() -> CollectionRequest {
 
 fn collection(meshes: &[TriangleMesh], request: &CollectionRequest) -> MapCollection {
     let bases: Vec<Basis> = meshes.iter().map(|mesh| basis(mesh, 60)).collect();
-    let shapes: Vec<CollectionShape<'_>> = bases.iter().zip(meshes).map(|(basis, mesh)| CollectionShape { basis, mesh }).collect();
+    let shapes: Vec<CollectionShape<'_>> =
+        bases.iter().zip(meshes).map(|(basis, mesh)| CollectionShape { basis, mesh }).collect();
     map_collection(&shapes, request, &Unwatched).unwrap()
 }
 
@@ -219,7 +220,8 @@ fn what_does_not_fit_is_named() {
 fn what_a_collection_costs_is_what_is_counted() {
     let meshes = [figure(), shuffled(&figure(), 3).0, figure()];
     let bases: Vec<Basis> = meshes.iter().map(|mesh| basis(mesh, 40)).collect();
-    let shapes: Vec<CollectionShape<'_>> = bases.iter().zip(&meshes).map(|(basis, mesh)| CollectionShape { basis, mesh }).collect();
+    let shapes: Vec<CollectionShape<'_>> =
+        bases.iter().zip(&meshes).map(|(basis, mesh)| CollectionShape { basis, mesh }).collect();
     let size = |shape: &CollectionShape<'_>| ShapeSize {
         vertices: shape.basis.vertices(),
         faces: shape.mesh.faces.len(),

@@ -83,7 +83,11 @@ pub(super) fn smoothest(
     Ok(field.into_iter().zip(held).map(|(value, held)| held.unwrap_or_else(|| normalise(value))).collect())
 }
 
-fn solved(surface: &FieldSurface, wanted: &ConstraintsAndTargets, monitor: &dyn Monitor) -> Result<Vec<Complex64>, QuadError> {
+fn solved(
+    surface: &FieldSurface,
+    wanted: &ConstraintsAndTargets,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Complex64>, QuadError> {
     if surface.faces() <= LARGE {
         return by_factor(surface, wanted, monitor);
     }
@@ -129,7 +133,12 @@ impl<'a> ConstraintsAndTargets<'a> {
 
     /// The same where nothing but a push acts: `still` are zeros where values are held. What nothing binds answers
     /// within its own size.
-    fn pushed<'b>(&self, surface: &FieldSurface, still: &'b [Option<Complex64>], push: Vec<f64>) -> ConstraintsAndTargets<'b> {
+    fn pushed<'b>(
+        &self,
+        surface: &FieldSurface,
+        still: &'b [Option<Complex64>],
+        push: Vec<f64>,
+    ) -> ConstraintsAndTargets<'b> {
         let weight = |(face, &area): (usize, &f64)| match self.bound[face] {
             true => self.pulled(face).0,
             false => FREE_SHIFT * area,
@@ -152,7 +161,11 @@ fn pull(surface: &FieldSurface) -> Option<DirectionField> {
 }
 
 /// By a factor of the faces that are free.
-fn by_factor(surface: &FieldSurface, wanted: &ConstraintsAndTargets, monitor: &dyn Monitor) -> Result<Vec<Complex64>, QuadError> {
+fn by_factor(
+    surface: &FieldSurface,
+    wanted: &ConstraintsAndTargets,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Complex64>, QuadError> {
     let (faces, held) = (surface.faces(), wanted.held);
     let stiffness = transport_stiffness::<2>(KIND, surface.dual(), surface.frames()).to_sparse();
     let mut field: Vec<Complex64> = held.iter().map(|held| held.unwrap_or_default()).collect();
@@ -225,7 +238,11 @@ fn with_diagonal(matrix: &chladni_algebra::SparseMatrix, diagonal: &[f64]) -> ch
 }
 
 /// By cycles over coarser levels.
-fn by_levels(surface: &FieldSurface, wanted: &ConstraintsAndTargets, monitor: &dyn Monitor) -> Result<Vec<Complex64>, RefineError> {
+fn by_levels(
+    surface: &FieldSurface,
+    wanted: &ConstraintsAndTargets,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Complex64>, RefineError> {
     let (faces, held) = (surface.faces(), wanted.held);
     let whole = transport_stiffness::<2>(KIND, surface.dual(), surface.frames());
     let mut right = vec![0.0; 2 * faces];

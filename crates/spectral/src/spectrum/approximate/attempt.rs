@@ -1,6 +1,8 @@
 //! Pairs in one space, judged, and the space that would hold what they miss.
 
-use super::super::certificate::{CertificateError, LARGEST_KERNEL_VALUE, certificate_of, certify, gram_defect, infinity_norm};
+use super::super::certificate::{
+    CertificateError, LARGEST_KERNEL_VALUE, certificate_of, certify, gram_defect, infinity_norm,
+};
 use super::super::domain::Domain;
 use super::super::energy::{Energy, PairShare, measures};
 use super::super::lehmann::{self, Enclosed};
@@ -118,7 +120,7 @@ impl Attempt {
         let good = goal.map(|goal| MEAN_SHARE * goal);
         (self.certificate, self.density) =
             certify(energy, problem, space, mass, &mut pairs.vectors, &pairs.values, good, monitor)?;
-        self.conclude(energy.floor(), problem.area);
+        self.summarise(energy.floor(), problem.area);
         Ok(())
     }
 
@@ -150,12 +152,12 @@ impl Attempt {
         let measures = measures(&sums, &pairs.values, LARGEST_KERNEL_VALUE);
         self.certificate = certificate_of(&measures, of, &mut pairs.vectors, &pairs.values);
         self.density = None;
-        self.conclude(0.0, problem.area);
+        self.summarise(0.0, problem.area);
         Ok(())
     }
 
     /// What the certificate says of all pairs together; no eigenvalue lies below `−floor`.
-    pub(super) fn conclude(&mut self, floor: f64, area: f64) {
+    pub(super) fn summarise(&mut self, floor: f64, area: f64) {
         let pairs = &self.ritz.pairs;
         // No eigenvalue lies below the floor, and none of index `k` above the value of pair `k`, which is a Ritz value
         // unless rounding has decided it. A value that is exactly zero is known.

@@ -317,7 +317,7 @@ impl<'a> Parted<'a> {
         let most = most_columns(problem.size(), self.parameters.dimension.max(count));
         let mut attempt = Attempt::new(ritz, count, most);
         attempt.certificate = certificate;
-        attempt.conclude((-operator.floor).max(0.0), problem.area);
+        attempt.summarise((-operator.floor).max(0.0), problem.area);
         if let Some(goal) = self.parameters.goal
             && goal.rounds > 0
             && attempt.excess(goal.error) > 1.0

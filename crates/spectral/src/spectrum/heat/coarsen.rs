@@ -182,7 +182,13 @@ fn interpolate(position: [f32; 3], cell: u32, coarse: Surface, fan: &[u32]) -> (
 }
 
 /// A maximal set of vertices of which none lies within `hops` edges and `reach` of another; forced ones may.
-fn seeds(fine: &HeatLevel, hops: usize, reach: f32, forced: &[u32], monitor: &dyn Monitor) -> Result<Vec<u32>, Cancelled> {
+fn seeds(
+    fine: &HeatLevel,
+    hops: usize,
+    reach: f32,
+    forced: &[u32],
+    monitor: &dyn Monitor,
+) -> Result<Vec<u32>, Cancelled> {
     let n = fine.vertices();
     let mut covered = vec![false; n];
     let mut visited = vec![u32::MAX; n];
@@ -237,7 +243,12 @@ fn seeds(fine: &HeatLevel, hops: usize, reach: f32, forced: &[u32], monitor: &dy
 
 /// The nearest seed of every vertex along edges and how far it is. No seed is farther than `hops` edges; paths of one
 /// more are tried. Each round looks at the distances of the one before only, so the order of vertices does not matter.
-fn voronoi(fine: &HeatLevel, seeds: &[u32], hops: usize, monitor: &dyn Monitor) -> Result<(Vec<u32>, Vec<f32>), Cancelled> {
+fn voronoi(
+    fine: &HeatLevel,
+    seeds: &[u32],
+    hops: usize,
+    monitor: &dyn Monitor,
+) -> Result<(Vec<u32>, Vec<f32>), Cancelled> {
     let n = fine.vertices();
     let mut nearest = vec![(f32::INFINITY, u32::MAX); n];
     for (cell, &seed) in seeds.iter().enumerate() {

@@ -97,7 +97,13 @@ fn heat_steps_agree_with_a_dense_solve() {
     let (n, time) = (start.mesh.positions.len(), 0.004);
     let level = HeatLevel::finest(&start.problem, &start.connectivity).unwrap();
     let peaks = peaks(&start.columns).unwrap().rows;
-    let heat = panel::Heat { steps: 2, time: time as f32, margin: 10.0, dropping: DroppingRule::positive(0.0), tolerance: 1e-6 };
+    let heat = panel::Heat {
+        steps: 2,
+        time: time as f32,
+        margin: 10.0,
+        dropping: DroppingRule::positive(0.0),
+        tolerance: 1e-6,
+    };
     let spread = panel::diffuse(&level, &start.columns, &peaks, &heat, &Unwatched).unwrap();
 
     let mass = start.problem.mass.lumped();
@@ -331,8 +337,13 @@ fn diffused_columns_obey_the_maximum_principle_beside_needles() {
             let positions: Vec<[f32; 3]> = start.mesh.positions.iter().map(|p| p.map(|x| (x * unit) as f32)).collect();
             level.take_weights(Surface { positions: &positions, triangles: &start.mesh.faces });
         }
-        let heat =
-            panel::Heat { steps: 4, time: 0.05 / 40.0, margin: 1.0, dropping: DroppingRule::positive(1e-4), tolerance: 3e-3 };
+        let heat = panel::Heat {
+            steps: 4,
+            time: 0.05 / 40.0,
+            margin: 1.0,
+            dropping: DroppingRule::positive(1e-4),
+            tolerance: 3e-3,
+        };
         let tops = peaks(&start.columns).unwrap().rows;
         let spread = panel::diffuse(&level, &start.columns, &tops, &heat, &Unwatched).unwrap();
         let highest = |columns: &SparseMatrix<f32>| columns.values().iter().copied().fold(0.0, f32::max);

@@ -16,7 +16,7 @@ use super::offset;
 use super::slices;
 use super::solve::{Aim, Begun, Columns, Finest, Task, aim, within};
 use super::tuning::TUNING;
-use super::{Eigenpairs, HsimError, HsimParameters, LevelReport, Variant, Selection, published};
+use super::{Eigenpairs, HsimError, HsimParameters, LevelReport, Selection, Variant, published};
 use crate::operator::EigenProblem;
 use crate::spectrum::envelope::on_all_vertices;
 
@@ -303,8 +303,8 @@ impl<'a> Climb<'a> {
         let base = &self.base;
         let dense = || hierarchy::sizes(dense_rows(&base.stiffness, &base.mass), self.columns(wanted), None).is_empty();
         let (n, pairs, tolerance) = (base.size(), self.nontrivial(wanted), self.parameters.tolerance);
-        let pays = || lanczos::pays(n, pairs, tolerance) || slices::pays(n, pairs, tolerance);
-        self.may_take_krylov_space() && pays() && !dense()
+        let is_cheaper = || lanczos::is_cheaper(n, pairs, tolerance) || slices::is_cheaper(n, pairs, tolerance);
+        self.may_take_krylov_space() && is_cheaper() && !dense()
     }
 
     /// Solves `q` columns on the levels above the mesh; nothing where there are to be none.

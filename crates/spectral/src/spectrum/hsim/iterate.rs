@@ -431,7 +431,7 @@ impl<'a> Iteration<'a> {
             tasks
                 .into_par_iter()
                 .try_for_each_init(Vec::new, |scratch, (panel, factor)| inverse_iterations(factor, panel, scratch))?;
-            self.note(factors);
+            self.record_inertia(factors);
         }
         self.solve_apart(apart, columns, inverse_iterations)
     }
@@ -456,7 +456,7 @@ impl<'a> Iteration<'a> {
     }
 
     /// Writes down the inertia of new factors, and keeps them as long as they take no more room than the columns.
-    fn note(&mut self, factors: Vec<(f64, Factor<'a>)>) {
+    fn record_inertia(&mut self, factors: Vec<(f64, Factor<'a>)>) {
         let room = self.level.size() * self.values.len();
         for (shift, factor) in factors {
             self.inertia.push(Count::of(self.level, shift, &factor));

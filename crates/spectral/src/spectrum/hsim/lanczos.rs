@@ -18,10 +18,10 @@ use chladni_base::{Monitor, Quiet, SplitMix64};
 
 use super::HsimError;
 use super::kernel::Kernel;
+pub(super) use super::krylov_request::{KrylovRequest, Leave};
 use super::level::Level;
 use super::scout::Scout;
 use super::tuning::TUNING;
-pub(super) use super::krylov_request::{Leave, KrylovRequest};
 
 /// What was found.
 #[derive(Debug)]
@@ -70,7 +70,7 @@ const LEAST: f64 = 5e-3;
 
 /// Whether so many pairs of a level of a size, with such residuals, are had for less in a Krylov space than from a
 /// hierarchy.
-pub(super) fn pays(size: usize, pairs: usize, tolerance: f64) -> bool {
+pub(super) fn is_cheaper(size: usize, pairs: usize, tolerance: f64) -> bool {
     (tolerance <= TUNING.krylov.loose || size <= TUNING.krylov.large) && has_room(size, pairs, tolerance)
 }
 

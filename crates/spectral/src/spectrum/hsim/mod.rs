@@ -19,6 +19,7 @@ mod judge;
 mod judge_slices;
 mod kernel;
 mod krylov;
+mod krylov_request;
 mod lanczos;
 mod level;
 mod null_space;
@@ -36,7 +37,6 @@ mod slices;
 mod solve;
 mod stiff;
 mod tuning;
-mod krylov_request;
 
 use serde::{Deserialize, Serialize};
 

@@ -12,7 +12,7 @@ use chladni_base::Monitor;
 use super::HsimError;
 use super::cuts::{FEW, Part};
 use super::kernel::Kernel;
-use super::lanczos::{self, Found, Leave, NUMBERS_FOR_CLUSTERS, KrylovRequest, for_clusters, most, pairs_or_none};
+use super::lanczos::{self, Found, KrylovRequest, Leave, NUMBERS_FOR_CLUSTERS, for_clusters, most, pairs_or_none};
 use super::level::Level;
 use super::scout::{Scout, Window};
 use super::solve::Columns;

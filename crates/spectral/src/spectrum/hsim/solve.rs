@@ -81,7 +81,7 @@ impl Task<'_> {
         let columns = hierarchy::columns(nontrivial, level.size() - kernel.dimension());
         let (tolerance, seed) = (parameters.tolerance, parameters.seed);
         let wanted = lanczos::KrylovRequest::lowest(level.size(), nontrivial, columns, tolerance, seed);
-        if slices::pays(level.size(), nontrivial, tolerance) {
+        if slices::is_cheaper(level.size(), nontrivial, tolerance) {
             // Some beyond the wanted ones, among which there is a gap to count in.
             let pairs = (nontrivial + TUNING.slices.beyond).min(columns);
             let wanted = lanczos::KrylovRequest { pairs, ..wanted };
@@ -90,7 +90,7 @@ impl Task<'_> {
                 return Ok(Some(Begun { values, vectors, columns: Columns::Sliced(cuts) }));
             }
         }
-        if !lanczos::pays(level.size(), nontrivial, tolerance) {
+        if !lanczos::is_cheaper(level.size(), nontrivial, tolerance) {
             return Ok(None);
         }
         let found = if kernel.dimension() == 0 {
@@ -122,7 +122,9 @@ impl Task<'_> {
         };
         monitor.note(FALLBACKS, &format!("first start: {error}"));
         let columns = hierarchy::columns(self.nontrivial, finest.level.size() - kernel.dimension());
-        if let Some((values, vectors)) = dense_pairs::instead(&finest.level, columns, kernel.dimension(), monitor)? {
+        if let Some((values, vectors)) =
+            dense_pairs::dense_fallback(&finest.level, columns, kernel.dimension(), monitor)?
+        {
             return self.solve(vectors, values, None, Columns::Solved);
         }
         if plain.is_some() {
@@ -147,7 +149,8 @@ impl Task<'_> {
                 None => {}
             }
         }
-        let (values, vectors) = krylov::afresh(of, kernel, columns, self.parameters.seed.wrapping_add(1), monitor)?;
+        let (values, vectors) =
+            krylov::start_without_guess(of, kernel, columns, self.parameters.seed.wrapping_add(1), monitor)?;
         self.solve(vectors, values, None, Columns::Rough)
     }
 

@@ -10,7 +10,7 @@ use chladni_mesh::shape::{Shape, generate, noisy, renumbered};
 use crate::operator::{
     Boundary, EigenProblem, MassKind, OperatorKind, OperatorParameters, Potential, assemble as assemble_operator,
 };
-use crate::spectrum::hsim::{Eigenpairs, HsimError, HsimParameters, Variant, Selection, solve};
+use crate::spectrum::hsim::{Eigenpairs, HsimError, HsimParameters, Selection, Variant, solve};
 
 pub(super) fn problem(mesh: &TriangleMesh, operator: OperatorKind, mass: MassKind, boundary: Boundary) -> EigenProblem {
     assemble_operator(mesh, &OperatorParameters { operator, mass, boundary }, &Unwatched).unwrap().problem

@@ -8,7 +8,8 @@
 //! let (offsets, columns) = ([0, 2, 5, 8, 10], [0, 1, 0, 1, 2, 1, 2, 3, 2, 3]);
 //! let entries = [1.0, -1.0, -1.0, 2.0, -1.0, -1.0, 2.0, -1.0, -1.0, 1.0];
 //! let pencil = Pencil::new(csr(4, 4, &offsets, &columns, &entries)?, Mass::Identity, &[], &Unwatched)?;
-//! let pairs = solve(&pencil, &Parameters { selection: PencilSelection::Count(2), ..Parameters::default() }, &Unwatched)?;
+//! let parameters = Parameters { selection: PencilSelection::Count(2), ..Parameters::default() };
+//! let pairs = solve(&pencil, &parameters, &Unwatched)?;
 //!
 //! assert!(pairs.values[0].abs() < 1e-12 && (pairs.values[1] - (2.0 - 2f64.sqrt())).abs() < 1e-12);
 //! assert_eq!(pairs.certificate.complete, Some(true));
@@ -318,7 +319,9 @@ pub fn solve(pencil: &Pencil, parameters: &Parameters, monitor: &dyn Monitor) ->
         PencilSelection::Count(count) => hsim::Selection::Count(count),
         PencilSelection::Below { bound, most } => hsim::Selection::Below { bound, most },
         // Told here in the numbers of whoever asked: the solver has its own scale.
-        PencilSelection::Between { from, to, .. } if !(from < to) => return Err(HsimError::empty_interval(from, to).into()),
+        PencilSelection::Between { from, to, .. } if !(from < to) => {
+            return Err(HsimError::empty_interval(from, to).into());
+        }
         PencilSelection::Between { from, to, most } => hsim::Selection::Between { from, to, most },
     };
     lowest(pencil, selection, parameters, monitor)
@@ -335,7 +338,9 @@ fn lowest(
     let inner = match selection {
         hsim::Selection::Count(count) => hsim::Selection::Count(count),
         hsim::Selection::Below { bound, most } => hsim::Selection::Below { bound: bound / value, most },
-        hsim::Selection::Between { from, to, most } => hsim::Selection::Between { from: from / value, to: to / value, most },
+        hsim::Selection::Between { from, to, most } => {
+            hsim::Selection::Between { from: from / value, to: to / value, most }
+        }
     };
     let inner = HsimParameters {
         selection: inner,

@@ -47,7 +47,8 @@ pub(super) fn modes(
         faces: Vec::new(),
         ..Default::default()
     };
-    let parameters = HsimParameters { selection: Selection::Count(count), tolerance, seed, ..HsimParameters::default() };
+    let parameters =
+        HsimParameters { selection: Selection::Count(count), tolerance, seed, ..HsimParameters::default() };
     if hsim::is_dense(size, count) {
         let space = space::functions(body, elastic, elastic.moving.len(), false, seed, monitor)?;
         let unit = unit(approximate(elastic, rigid, &space, 1, monitor)?.values.first());

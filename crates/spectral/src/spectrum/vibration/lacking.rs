@@ -52,7 +52,9 @@ pub(super) fn modes(
     monitor: &dyn Monitor,
 ) -> Result<Found, VibrationError> {
     let mut counter = refined.counter.take();
-    let Some(counting) = counting_shift(&refined).filter(|_| counter.is_some()) else { return Ok(refined.into_found(rigid)) };
+    let Some(counting) = counting_shift(&refined).filter(|_| counter.is_some()) else {
+        return Ok(refined.into_found(rigid));
+    };
     monitor.stage("certify");
     let free = rigid.motions.len();
     // A factor that fails says nothing about the modes.
@@ -121,7 +123,8 @@ fn counting_shift(refined: &Refined) -> Option<CountingShift> {
         let shift = 0.5 * (low + if reached > low { reached } else { high });
         Some((CountingShift { shift, values: values_below }, reached / low, high / low))
     };
-    let gaps = || (1 + values.len() / 2..=values.len()).rev().filter_map(gap).filter(|(counting, ..)| counting.shift > 0.0);
+    let gaps =
+        || (1 + values.len() / 2..=values.len()).rev().filter_map(gap).filter(|(counting, ..)| counting.shift > 0.0);
     let first = gaps().find(|(_, reached, _)| *reached > 1.0 + GAP);
     first.or_else(|| gaps().max_by(|a, b| a.2.total_cmp(&b.2))).map(|(counting, ..)| counting)
 }

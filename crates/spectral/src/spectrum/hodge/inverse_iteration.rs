@@ -25,9 +25,9 @@ const MOST_FACES: usize = 100_000;
 /// The matrix of the fields, as it is assembled and in the order of its factor, in bytes a face.
 const BYTES_PER_FACE: u64 = 1_700;
 
-/// The memory that fields of so many faces take to settle, in bytes, beside a factor: that is made where what the work
+/// The memory that the iteration takes on so many faces, in bytes, beside a factor: that is made where what the work
 /// was promised has room for it.
-pub fn settle_bytes(faces: u64) -> u64 {
+pub fn inverse_iteration_bytes(faces: u64) -> u64 {
     if faces > MOST_FACES as u64 { 0 } else { BYTES_PER_FACE * faces }
 }
 
@@ -40,7 +40,7 @@ const SOLVES: usize = 2;
 /// # Errors
 /// [`HsimError`]: memory that was promised cannot be had; cancellation. A matrix that has no factor, or one that fills
 /// in more than was promised, leaves everything as it is.
-pub(super) fn settle(
+pub(super) fn inverse_iteration(
     spectrum: &mut HodgeSpectrum,
     (mesh, dual, frames): (&TriangleMesh, &DualGraph, &FaceFrames),
     boundary: FieldBoundary,
