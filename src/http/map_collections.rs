@@ -197,11 +197,11 @@ async fn collect_maps(
             let shapes: Vec<CollectionShape<'_>> =
                 bases.iter().zip(&meshes).map(|(basis, mesh)| CollectionShape { basis, mesh }).collect();
             let found = map_collection(&shapes, &wanted, monitor)?;
-            let told = |map: CollectionMap| {
+            let in_file_numbering = |map: CollectionMap| {
                 let matrix = request.matrices.then_some(&map.matrix);
                 One::in_file_numbering((map.source, map.target), map.to_source, map.disagreement, matrix, &numberings)
             };
-            let maps = found.maps.into_iter().map(told).collect();
+            let maps = found.maps.into_iter().map(in_file_numbering).collect();
             let answer = MapCollectionAnswer { maps, cycles: found.cycles.into() };
             Answer::json(&answer, begin)
         })

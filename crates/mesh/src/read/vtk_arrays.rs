@@ -97,19 +97,19 @@ pub(super) struct Array<'a> {
 impl<'a> Array<'a> {
     /// The array of an element `DataArray`; `name` is what messages call its rows.
     pub fn of(node: Node<'a, '_>, coding: Coding<'a>, name: &'static str) -> Result<Self, ReadError> {
-        let told = |attribute: &str| node.attribute(attribute).unwrap_or_default().trim();
+        let value_of = |attribute: &str| node.attribute(attribute).unwrap_or_default().trim();
         let unknown = |attribute: &str| {
-            refuse(format!("{name}: `{}` is not supported as {attribute}", shorten(told(attribute).as_bytes())))
+            refuse(format!("{name}: `{}` is not supported as {attribute}", shorten(value_of(attribute).as_bytes())))
         };
-        let kind = Kind::of(told("type")).ok_or_else(|| unknown("type"))?;
+        let kind = Kind::of(value_of("type")).ok_or_else(|| unknown("type"))?;
         let inside = node.text().unwrap_or_default();
-        let data = match told("format") {
+        let data = match value_of("format") {
             "ascii" | "" => Data::Text(inside),
             "binary" => Data::Base64(inside.as_bytes()),
             "appended" => {
                 let Appended { data, base64 } =
                     coding.appended.ok_or_else(|| refuse(format!("{name}: `AppendedData` is missing")))?;
-                let offset: usize = told("offset").parse().map_err(|_| unknown("offset"))?;
+                let offset: usize = value_of("offset").parse().map_err(|_| unknown("offset"))?;
                 let rest = data.get(offset..).ok_or_else(|| {
                     refuse(format!("{name}: offset {offset} lies behind the {} bytes of `AppendedData`", data.len()))
                 })?;

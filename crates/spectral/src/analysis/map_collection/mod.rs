@@ -139,7 +139,7 @@ pub fn map_collection(
     monitor.stage("first_maps");
     let pairs: Vec<(usize, usize)> = ordered_pairs(shapes.len()).collect();
     let alone = request.pairs.min(ALONE.max(request.start));
-    let mut maps: Maps = each_told(&pairs, monitor, |&(source, target)| {
+    let mut maps: Maps = each_with_progress(&pairs, monitor, |&(source, target)| {
         let map = first::map(&known[source], &known[target], request.oriented)?;
         let (map, _) = zoom_out(&standing[source].all, &standing[target].all, map, alone, request.step)?;
         Ok(((source, target), map))
@@ -167,26 +167,26 @@ pub fn map_collection(
     let made = match request.polish {
         true => {
             let many = each(&known, monitor, |known| polish::standing(&known.side, request))?;
-            each_told(&pairs, monitor, |&(source, target)| {
+            each_with_progress(&pairs, monitor, |&(source, target)| {
                 let end = |place: usize| (&known[place].side, &many[place]);
                 polish::map(end(source), end(target), &latent.map(source, target)?, request)
             })?
         }
         false => {
             let embedded = each(&known, monitor, |known| known.embedded(&latent.embedding(known.place)?))?;
-            each_told(&pairs, monitor, |&(source, target)| {
+            each_with_progress(&pairs, monitor, |&(source, target)| {
                 Ok((latent.map(source, target)?, embedded[source].nearest(&embedded[target], &[])))
             })?
         }
     };
-    let told = |(&(source, target), (matrix, found)): (&(usize, usize), (DenseMatrix, Vec<Match>))| CollectionMap {
+    let finished = |(&(source, target), (matrix, found)): (&(usize, usize), (DenseMatrix, Vec<Match>))| CollectionMap {
         source,
         target,
         matrix,
         to_source: PointMap::of_all(&found),
         disagreement: latent.disagreement(source, target),
     };
-    let maps: Vec<CollectionMap> = pairs.iter().zip(made).map(told).collect();
+    let maps: Vec<CollectionMap> = pairs.iter().zip(made).map(finished).collect();
     let cycles = CycleErrors::new(shapes, &standing, &maps);
     Ok(MapCollection { maps, cycles })
 }
@@ -219,7 +219,7 @@ fn each<A: Sync, B: Send>(
 }
 
 /// The same, where they are all of a stage.
-fn each_told<A: Sync, B: Send>(
+fn each_with_progress<A: Sync, B: Send>(
     of: &[A],
     monitor: &dyn Monitor,
     make: impl Fn(&A) -> Result<B, AnalysisError> + Sync,

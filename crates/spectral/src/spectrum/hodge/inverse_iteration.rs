@@ -55,9 +55,9 @@ pub(super) fn inverse_iteration(
     let problem = hodge_problem(mesh, dual, frames, boundary);
     let (stiffness, mass) = (&problem.stiffness, &problem.mass);
     let values: Vec<f64> = spectrum.values.iter().map(|value| value * problem.area).collect();
-    let told = |part: FieldPart, sums: &ColumnSums| if part == FieldPart::Harmonic { 0.0 } else { residual(sums, 1.0) };
+    let residual_of = |part: FieldPart, sums: &ColumnSums| if part == FieldPart::Harmonic { 0.0 } else { residual(sums, 1.0) };
     let sums = residual_sums(stiffness, mass, &spectrum.fields, &values, monitor)?;
-    spectrum.residuals = sums.iter().zip(&spectrum.parts).map(|(sums, &part)| told(part, sums)).collect();
+    spectrum.residuals = sums.iter().zip(&spectrum.parts).map(|(sums, &part)| residual_of(part, sums)).collect();
     let is_open = |k: &usize| spectrum.parts[*k] == FieldPart::Harmonic || !(spectrum.residuals[*k] <= tolerance);
     let open: Vec<usize> = (0..count).filter(is_open).collect();
     if open.is_empty() {
@@ -86,7 +86,7 @@ pub(super) fn inverse_iteration(
     // Of the lengths and the signs that they had.
     spectrum.fields.assign(&places, &found.select(&better).spread(rows.len(), &rows, &factors));
     for (place, k) in better.into_iter().zip(places) {
-        spectrum.residuals[k] = told(spectrum.parts[k], &after[place]);
+        spectrum.residuals[k] = residual_of(spectrum.parts[k], &after[place]);
     }
     Ok(())
 }
