@@ -95,10 +95,10 @@ impl Drop for Slot {
 /// The slot of one request, which everything that works for it shares. Without one it is not in line: an operation that
 /// writes waits for other writes.
 #[derive(Debug, Clone, Default)]
-pub struct Turn(Option<Arc<Held>>);
+pub struct Turn(Option<Arc<TurnSlot>>);
 
 #[derive(Debug)]
-struct Held {
+struct TurnSlot {
     slots: Slots,
     client: Arc<str>,
     slot: Mutex<Option<Slot>>,
@@ -108,7 +108,7 @@ impl Turn {
     /// Waits for a slot of the client's.
     pub async fn of(slots: &Slots, client: &Arc<str>) -> Self {
         let slot = Mutex::new(Some(slots.take(client).await));
-        Self(Some(Arc::new(Held { slots: slots.clone(), client: client.clone(), slot })))
+        Self(Some(Arc::new(TurnSlot { slots: slots.clone(), client: client.clone(), slot })))
     }
 
     /// Lets others on while the request waits for its client, for a job, or for threads that have a line of their own;
@@ -131,7 +131,7 @@ impl Turn {
     }
 }
 
-impl Held {
+impl TurnSlot {
     fn lock(&self) -> MutexGuard<'_, Option<Slot>> {
         self.slot.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -28,7 +28,7 @@ const SILENCE: Duration = Duration::from_secs(3);
 const KNOWN: Duration = Duration::from_millis(500);
 
 /// When a database was asked, and why it could not be connected to, if so.
-type Asked = Option<(Instant, Option<String>)>;
+type ConnectionAttempt = Option<(Instant, Option<String>)>;
 
 /// Connections of a pool, and those of them that are at hand; cheap to clone.
 #[derive(Clone)]
@@ -38,7 +38,7 @@ pub(super) struct Connections {
     /// Who waits for the pool: then nothing is kept from it.
     waiting: Arc<AtomicUsize>,
     /// When it was last asked whether the database is there, and why it is not, if so.
-    asked: Arc<tokio::sync::Mutex<Asked>>,
+    asked: Arc<tokio::sync::Mutex<ConnectionAttempt>>,
     fullness: Arc<Fullness>,
 }
 

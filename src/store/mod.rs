@@ -257,7 +257,7 @@ struct Inner {
     /// When retention was last looked after.
     retained_ms: AtomicI64,
     /// Which blobs were seen to be whole or damaged.
-    known: integrity::Known,
+    known: integrity::KnownBlobs,
     bases: Cache<Uuid, Weighed<Product>, ByWeight>,
     /// Chunks of dense bases, by the hash of the content and the position.
     chunks: Cache<(String, usize), Weighed<Arc<ColumnChunk>>, ByWeight>,
@@ -365,7 +365,7 @@ impl Store {
                 uses: last_use::Uses::default(),
                 reusable_bytes: AtomicU64::new(0),
                 retained_ms: AtomicI64::new(0),
-                known: integrity::Known::default(),
+                known: integrity::KnownBlobs::default(),
                 hits: AtomicU64::new(0),
                 misses: AtomicU64::new(0),
             }),

@@ -171,7 +171,7 @@ fn solid_numbering(numbers: Vec<u32>, given: &[[f64; 3]], kept: &[[f64; 3]], sur
     let nearest = nearest_vertices(kept, &unused.collect::<Vec<_>>());
     let (vertices, faces) = (surface.mesh.positions.len(), surface.mesh.faces.len());
     let moved = numbers.iter().enumerate().any(|(v, &place)| v as u32 != place);
-    let found = numbering::Found {
+    let found = numbering::MeshNumbering {
         file: [numbers.len(), faces],
         vertices: moved.then_some(numbers),
         faces: None,

@@ -19,7 +19,7 @@ use crate::{DenseMatrix, MassMatrix, PanelMatrix, SparseMatrix};
 const LARGEST_RESIDUAL: f64 = 1e-10;
 
 /// Columns on the device.
-pub(super) type Held = Columns;
+pub(super) type DeviceColumns = Columns;
 
 /// An opened device.
 pub(super) struct Engine {
@@ -96,25 +96,40 @@ impl Engine {
     }
 
     /// Brings columns to the device.
-    pub(super) fn hold(&self, x: &PanelMatrix) -> Result<Held, GpuError> {
+    pub(super) fn hold(&self, x: &PanelMatrix) -> Result<DeviceColumns, GpuError> {
         let _turn = self.turn();
         Columns::new(&self.device, x)
     }
 
     /// `XᵀAX`.
-    pub(super) fn stiffness(&self, x: &Held, a: &SparseMatrix, monitor: &dyn Monitor) -> Result<DenseMatrix, GpuError> {
+    pub(super) fn stiffness(
+        &self,
+        x: &DeviceColumns,
+        a: &SparseMatrix,
+        monitor: &dyn Monitor,
+    ) -> Result<DenseMatrix, GpuError> {
         let _turn = self.turn();
         x.stiffness(&self.device, a, monitor)
     }
 
     /// `XᵀMX`.
-    pub(super) fn mass(&self, x: &Held, mass: &MassMatrix, monitor: &dyn Monitor) -> Result<DenseMatrix, GpuError> {
+    pub(super) fn mass(
+        &self,
+        x: &DeviceColumns,
+        mass: &MassMatrix,
+        monitor: &dyn Monitor,
+    ) -> Result<DenseMatrix, GpuError> {
         let _turn = self.turn();
         x.mass(&self.device, mass, monitor)
     }
 
     /// `XZ`, back on this machine.
-    pub(super) fn rotate(&self, x: &Held, z: &DenseMatrix, monitor: &dyn Monitor) -> Result<PanelMatrix, GpuError> {
+    pub(super) fn rotate(
+        &self,
+        x: &DeviceColumns,
+        z: &DenseMatrix,
+        monitor: &dyn Monitor,
+    ) -> Result<PanelMatrix, GpuError> {
         let _turn = self.turn();
         x.times(&self.device, z, monitor)?.read(&self.device)
     }

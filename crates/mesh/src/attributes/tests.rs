@@ -82,7 +82,8 @@ proptest! {
     fn every_kept_corner_has_what_its_corner_of_the_file_had(seed in any::<u64>(), merge in any::<bool>()) {
         let (text, polygons) = disturbed(seed);
         let merge = if merge { Merge::Always } else { Merge::Never };
-        let CheckedMesh { mesh, numbering, attributes, .. } = checked(&text, CheckOptions { merge, ..CheckOptions::default() });
+        let options = CheckOptions { merge, ..CheckOptions::default() };
+        let CheckedMesh { mesh, numbering, attributes, .. } = checked(&text, options);
         let attributes = attributes.unwrap();
         let layer = attributes.texture.as_ref().unwrap();
         prop_assert_eq!(layer.corners.len(), mesh.faces.len());
@@ -193,7 +194,8 @@ fn subdivision_puts_values_between_those_of_its_ends() {
     let text = format!(
         "{SQUARE}vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvt 7 7\nvn 1 0 1\ng a\nf 1/1/1 2/2/1 3/3/1\ng b\nf 1/1 3/5 4/4"
     );
-    let CheckedMesh { mesh, attributes, .. } = checked(&text, CheckOptions { subdivisions: 2, ..CheckOptions::default() });
+    let CheckedMesh { mesh, attributes, .. } =
+        checked(&text, CheckOptions { subdivisions: 2, ..CheckOptions::default() });
     let attributes = attributes.unwrap();
     let layer = attributes.texture.as_ref().unwrap();
     for (f, (face, corners)) in mesh.faces.iter().zip(&layer.corners).enumerate() {

@@ -2,7 +2,7 @@
 
 use super::builder::Builder;
 use super::error::{FileLocation, ReadError, shorten};
-use super::gmsh_source::{Source, Whole};
+use super::gmsh_source::{IntegerWidth, Source};
 use super::{MeshFormat, RawMesh, ReadLimits};
 
 /// Reads nodes, and of the elements triangles, quadrilaterals and tetrahedra; points and lines are passed over. Of
@@ -48,7 +48,7 @@ fn header(source: &mut Source) -> Result<Version, ReadError> {
         return Err(ReadError::Header { format: MeshFormat::Gmsh, location, reason });
     }
     let version = source.float("a version")?;
-    let kind = source.integer(Whole::Int, "a file type")?;
+    let kind = source.integer(IntegerWidth::Int, "a file type")?;
     let version = match version {
         2.0..3.0 => Version::Two,
         4.1 => Version::FourOne,
@@ -58,7 +58,7 @@ fn header(source: &mut Source) -> Result<Version, ReadError> {
         }
     };
     if kind == 1 {
-        let size = source.integer(Whole::Int, "a width")?;
+        let size = source.integer(IntegerWidth::Int, "a width")?;
         source.begin_binary(size)?;
     }
     source.pass_over(b"$MeshFormat");
@@ -97,8 +97,9 @@ fn begin(
         return Ok((1, count));
     }
     source.begin(section);
-    let counts = (source.count(Whole::Size, "blocks")?, source.count(Whole::Size, element)?);
-    let _least_and_largest = (source.integer(Whole::Size, "a tag")?, source.integer(Whole::Size, "a tag")?);
+    let counts = (source.count(IntegerWidth::Size, "blocks")?, source.count(IntegerWidth::Size, element)?);
+    let _least_and_largest =
+        (source.integer(IntegerWidth::Size, "a tag")?, source.integer(IntegerWidth::Size, "a tag")?);
     Ok(counts)
 }
 
@@ -140,7 +141,7 @@ impl Nodes {
 /// As words a node has a tag beside three coordinates.
 fn read_nodes(source: &mut Source, builder: &mut Builder, version: Version) -> Result<Nodes, ReadError> {
     let (blocks, declared) = begin(source, version, "$EndNodes", "nodes")?;
-    let tag = if version == Version::Two { Whole::Int } else { Whole::Size };
+    let tag = if version == Version::Two { IntegerWidth::Int } else { IntegerWidth::Size };
     builder.expect_vertices(declared, source.possible(4, 24 + source.width(tag)))?;
     let mut tags: Vec<i64> = Vec::with_capacity(declared as usize);
     let truncated = |number: usize| ReadError::Truncated { element: "node", number, declared: declared as usize };
@@ -165,10 +166,10 @@ fn read_nodes(source: &mut Source, builder: &mut Builder, version: Version) -> R
     } else {
         for _ in 0..blocks {
             let (dimension, _entity) =
-                (source.integer(Whole::Int, "a dimension")?, source.integer(Whole::Int, "an entity")?);
-            let parametric = source.integer(Whole::Int, "whether nodes have parameters")? != 0;
+                (source.integer(IntegerWidth::Int, "a dimension")?, source.integer(IntegerWidth::Int, "an entity")?);
+            let parametric = source.integer(IntegerWidth::Int, "whether nodes have parameters")? != 0;
             let parameters = if parametric { dimension.clamp(0, 3) } else { 0 };
-            let own = source.count(Whole::Size, "nodes")?;
+            let own = source.count(IntegerWidth::Size, "nodes")?;
             if own > declared - tags.len() as u64 {
                 let possible = declared - tags.len() as u64;
                 return Err(ReadError::CountExceedsFile { element: "node", declared: own, possible });
@@ -224,7 +225,7 @@ fn element_type(kind: i64) -> Result<(ElementType, usize), ReadError> {
 
 fn read_elements(source: &mut Source, builder: &mut Builder, version: Version, nodes: &Nodes) -> Result<(), ReadError> {
     let (blocks, declared) = begin(source, version, "$EndElements", "elements")?;
-    let tag = if version == Version::Two { Whole::Int } else { Whole::Size };
+    let tag = if version == Version::Two { IntegerWidth::Int } else { IntegerWidth::Size };
     // A point has a tag and a node.
     let possible = source.possible(2, 2 * source.width(tag));
     if declared > possible {
@@ -254,14 +255,14 @@ fn read_elements(source: &mut Source, builder: &mut Builder, version: Version, n
             let _tag = source.integer(tag, "an element tag")?;
             let kind = match head.kind {
                 Some(kind) => kind,
-                None => source.integer(Whole::Int, "a type of element")?,
+                None => source.integer(IntegerWidth::Int, "a type of element")?,
             };
             let tags = match head.tags {
                 Some(tags) => tags,
-                None => source.count(Whole::Int, "tags")?,
+                None => source.count(IntegerWidth::Int, "tags")?,
             };
             for _ in 0..tags {
-                source.integer(Whole::Int, "a tag")?;
+                source.integer(IntegerWidth::Int, "a tag")?;
             }
             element(source, builder, nodes, (kind, tag), number)?;
             number += 1;
@@ -284,16 +285,21 @@ struct Head {
 impl Head {
     fn read(source: &mut Source, version: Version, left: u64) -> Result<Self, ReadError> {
         if version == Version::FourOne {
-            let _of = (source.integer(Whole::Int, "a dimension")?, source.integer(Whole::Int, "an entity")?);
-            let kind = source.integer(Whole::Int, "a type of element")?;
-            return Ok(Self { kind: Some(kind), tags: Some(0), elements: source.count(Whole::Size, "elements")? });
+            let _of =
+                (source.integer(IntegerWidth::Int, "a dimension")?, source.integer(IntegerWidth::Int, "an entity")?);
+            let kind = source.integer(IntegerWidth::Int, "a type of element")?;
+            return Ok(Self {
+                kind: Some(kind),
+                tags: Some(0),
+                elements: source.count(IntegerWidth::Size, "elements")?,
+            });
         }
         if !source.is_binary() {
             return Ok(Self { kind: None, tags: None, elements: left });
         }
-        let kind = source.integer(Whole::Int, "a type of element")?;
-        let elements = source.count(Whole::Int, "elements")?;
-        Ok(Self { kind: Some(kind), tags: Some(source.count(Whole::Int, "tags")?), elements })
+        let kind = source.integer(IntegerWidth::Int, "a type of element")?;
+        let elements = source.count(IntegerWidth::Int, "elements")?;
+        Ok(Self { kind: Some(kind), tags: Some(source.count(IntegerWidth::Int, "tags")?), elements })
     }
 }
 
@@ -302,7 +308,7 @@ fn element(
     source: &mut Source,
     builder: &mut Builder,
     nodes: &Nodes,
-    (kind, tag): (i64, Whole),
+    (kind, tag): (i64, IntegerWidth),
     number: usize,
 ) -> Result<(), ReadError> {
     let (shape, of_all) = element_type(kind)?;

@@ -6,7 +6,7 @@ use super::text::Text;
 
 /// How wide a whole number is where it is bytes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Whole {
+pub(super) enum IntegerWidth {
     /// Four bytes.
     Int,
     /// A count or a tag: as many bytes as the header says, unsigned.
@@ -79,9 +79,9 @@ impl<'a> Source<'a> {
     }
 
     /// The bytes of a whole number.
-    pub fn width(&self, whole: Whole) -> u64 {
+    pub fn width(&self, whole: IntegerWidth) -> u64 {
         match (whole, self.binary) {
-            (Whole::Size, Some(Bytes { size, .. })) => size as u64,
+            (IntegerWidth::Size, Some(Bytes { size, .. })) => size as u64,
             _ => 4,
         }
     }
@@ -96,7 +96,7 @@ impl<'a> Source<'a> {
         if self.binary.is_some() { self.text.remaining() > 0 } else { self.text.any() }
     }
 
-    pub fn integer(&mut self, whole: Whole, expected: &'static str) -> Result<i64, ReadError> {
+    pub fn integer(&mut self, whole: IntegerWidth, expected: &'static str) -> Result<i64, ReadError> {
         let Some(binary) = self.binary else {
             if !self.text.any() {
                 return Err(ReadError::MissingValue { location: self.text.location(), expected });
@@ -106,7 +106,7 @@ impl<'a> Source<'a> {
         if self.width(whole) == 4 {
             let bytes = self.bytes()?;
             let number = if binary.big_endian { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) };
-            return Ok(if whole == Whole::Size { i64::from(number) } else { i64::from(number.cast_signed()) });
+            return Ok(if whole == IntegerWidth::Size { i64::from(number) } else { i64::from(number.cast_signed()) });
         }
         let bytes = self.bytes()?;
         let number = if binary.big_endian { u64::from_be_bytes(bytes) } else { u64::from_le_bytes(bytes) };
@@ -125,7 +125,7 @@ impl<'a> Source<'a> {
         Ok(if binary.big_endian { f64::from_be_bytes(bytes) } else { f64::from_le_bytes(bytes) })
     }
 
-    pub fn count(&mut self, whole: Whole, element: &'static str) -> Result<u64, ReadError> {
+    pub fn count(&mut self, whole: IntegerWidth, element: &'static str) -> Result<u64, ReadError> {
         let count = self.integer(whole, "a count")?;
         u64::try_from(count).map_err(|_| ReadError::InvalidCount { location: self.location(), count, element })
     }

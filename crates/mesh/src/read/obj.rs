@@ -1,9 +1,9 @@
-//! Wavefront OBJ: the `v` and `f` (or `fo`) lines, and what is kept beside them ([`Found`]). Everything else (smoothing, curves)
+//! Wavefront OBJ: the `v` and `f` (or `fo`) lines, and what is kept beside them ([`ReadAttributes`]). Everything else (smoothing, curves)
 //! is passed over; no other file is ever opened. `docs/decisions/0002-obj-reader.md` says why this is not tobj.
 
 use super::builder::Builder;
 use super::error::ReadError;
-use super::obj_attributes::Found;
+use super::obj_attributes::ReadAttributes;
 use super::text::Text;
 use super::{MeshFormat, RawMesh, ReadLimits};
 
@@ -14,7 +14,7 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
     let mut text = Text::new(bytes);
     let mut builder = Builder::new(limits);
     let mut groups = 0usize;
-    let mut found = Found::new(limits);
+    let mut found = ReadAttributes::new(limits);
     while text.any() {
         let word = text.token();
         match word {
@@ -49,7 +49,7 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
     Ok(mesh)
 }
 
-fn face(text: &mut Text, builder: &mut Builder, found: &mut Found) -> Result<(), ReadError> {
+fn face(text: &mut Text, builder: &mut Builder, found: &mut ReadAttributes) -> Result<(), ReadError> {
     while text.on_line() {
         let location = text.location();
         let (index, rest) = text.integer_before_slash("a vertex index")?;

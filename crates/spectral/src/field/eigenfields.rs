@@ -14,7 +14,7 @@ use chladni_base::parallel::*;
 use super::design::{DesignError, length};
 use super::kernel::Kernel;
 use super::refine::{FullSpace, Inner, RefineError};
-use super::refine_response::{Factor, Whole, add, dot};
+use super::refine_response::{Factor, FullOperator, add, dot};
 use crate::basis::{FieldAccuracyReport, FieldCertificate};
 
 /// σ, on unit area: eigenfields of low values are told apart best by a shift below them.
@@ -195,7 +195,7 @@ impl FullSpace {
 
 /// Fields on their way to the lowest ones.
 struct Lowest<'a, const B: usize> {
-    whole: &'a Whole<B>,
+    whole: &'a FullOperator<B>,
     factor: Factor<'a, B>,
     wanted: usize,
     /// Fields without energy that are known beforehand.
@@ -228,7 +228,7 @@ fn share_of(value: f64) -> f64 {
 
 impl<'a, const B: usize> Lowest<'a, B> {
     fn new(
-        whole: &'a Whole<B>,
+        whole: &'a FullOperator<B>,
         kernel: Option<&'a Kernel>,
         start: Vec<Vec<f64>>,
         wanted: usize,

@@ -11,7 +11,7 @@ use super::compliance::Compliance;
 use super::design::DesignError;
 use super::kernel::Own;
 use super::refine::RefineError;
-use super::refine_response::{Response, Whole, add};
+use super::refine_response::{FullOperator, Response, add};
 use super::weighted::{LONGEST_IDLE, longest, norm};
 
 /// Steps on the pulls at most.
@@ -164,7 +164,7 @@ impl<'a, const B: usize> Pulls<'a, B> {
     /// # Errors
     /// [`RefineError::Design`]: constraints that the reduced space cannot tell apart.
     pub fn new(
-        whole: &'a Whole<B>,
+        whole: &'a FullOperator<B>,
         response: &'a Response<'a, B>,
         compliance: Compliance,
         force: Option<Vec<f64>>,

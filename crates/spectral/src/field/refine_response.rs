@@ -40,7 +40,7 @@ const PIECE: usize = 1 << 14;
 const ROWS: usize = 2048;
 
 /// The operator of all fields with its levels.
-pub(super) struct Whole<const B: usize> {
+pub(super) struct FullOperator<const B: usize> {
     pub stiffness: BlockMatrix<B>,
     /// The area of each face.
     pub mass: Vec<f64>,
@@ -64,7 +64,7 @@ pub(super) struct Sum {
 
 /// `K⁻¹` without what has no energy.
 pub(super) struct Response<'a, const B: usize> {
-    whole: &'a Whole<B>,
+    whole: &'a FullOperator<B>,
     sum: Sum,
     product: ShiftedProduct<'a, B>,
     /// Whether the product is `K` itself.
@@ -137,7 +137,7 @@ pub(super) fn add(a: &mut [f64], b: &[f64], factor: f64) {
     });
 }
 
-impl<const B: usize> Whole<B> {
+impl<const B: usize> FullOperator<B> {
     /// `S x`.
     pub fn stiff(&self, x: &[f64]) -> Vec<f64> {
         self.stiffness.multiply(x)
@@ -259,7 +259,7 @@ impl<const B: usize> Factor<'_, B> {
     /// `(S + γM)⁻¹ f`, `f` without what `kernel` holds where γ is 0.
     fn solve(
         &self,
-        whole: &Whole<B>,
+        whole: &FullOperator<B>,
         f: &[f64],
         tolerance: f64,
         kernel: Option<&Kernel>,
@@ -286,7 +286,7 @@ impl<const B: usize> Factor<'_, B> {
     /// About `(S + γM)⁻¹ f`, `γ > 0`: to a tolerance, or as far as it came.
     pub fn about(
         &self,
-        whole: &Whole<B>,
+        whole: &FullOperator<B>,
         f: &[f64],
         tolerance: f64,
         monitor: &dyn Monitor,
@@ -303,7 +303,7 @@ impl<const B: usize> Factor<'_, B> {
 
 impl<'a, const B: usize> Response<'a, B> {
     /// The inverse for a sum; `kernel` are the fields without energy that nothing in it holds.
-    pub fn new(whole: &'a Whole<B>, sum: Sum, kernel: Option<&'a Kernel>) -> Result<Self, RefineError> {
+    pub fn new(whole: &'a FullOperator<B>, sum: Sum, kernel: Option<&'a Kernel>) -> Result<Self, RefineError> {
         let mean = whole.mean_weight(&sum);
         let factor = |gamma: f64| match (&whole.direct, kernel.filter(|kernel| gamma == 0.0 && kernel.is_complete())) {
             (Some(direct), Some(kernel)) => {

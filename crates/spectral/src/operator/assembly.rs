@@ -13,7 +13,9 @@ use super::curvature::Surface;
 use super::laplace::Measured;
 use super::manifold::ManifoldCheck;
 use super::polygon::Refined;
-use super::{Asked, Boundary, EigenProblem, Laplacian, MeshOperator, OperatorError, OperatorKind, OperatorParameters};
+use super::{
+    Boundary, EigenProblem, Laplacian, MeshOperator, OperatorError, OperatorKind, OperatorParameters, OperatorRequest,
+};
 use super::{OperatorReport, Potential, Reason};
 use super::{boundary, extrinsic, graph, hamiltonian, laplace, robust, weighted};
 
@@ -83,7 +85,7 @@ pub(super) fn assemble_on(
         }
         _ => 0.0,
     };
-    let asked = Some(Asked::from(parameters));
+    let asked = Some(OperatorRequest::from(parameters));
     let held = held(parameters, if dirichlet { &topology.boundary } else { &[] });
     if held.is_empty() {
         return Ok(match whole {

@@ -11,7 +11,7 @@ use super::corners::Corners;
 use super::laplace::{power_of_two_scale, shape_of, sums};
 use super::manifold::ManifoldCheck;
 use super::shapes::{self, MASSLESS, Triangles, voronoi_part};
-use super::{Asked, Boundary, EigenProblem, Laplacian, MassKind, MassMatrix, MeshOperator};
+use super::{Boundary, EigenProblem, Laplacian, MassKind, MassMatrix, MeshOperator, OperatorRequest};
 use super::{OperatorError, OperatorKind, OperatorParameters, OperatorReport};
 use chladni_algebra::SparseMatrix;
 use chladni_base::Monitor;
@@ -28,7 +28,7 @@ pub struct LaplacianByRows<'a> {
     scaled_area: f64,
     masses: Vec<f64>,
     report: OperatorReport,
-    asked: Asked,
+    asked: OperatorRequest,
 }
 
 impl<'a> LaplacianByRows<'a> {

@@ -13,7 +13,7 @@ const ENERGIES: usize = 100;
 const EVERY: usize = 5;
 
 /// Signatures of a shape at unit area, in its first `k` modes.
-pub(super) struct Known<'a> {
+pub(super) struct ShapeSignatures<'a> {
     /// Which shape of the collection it is.
     pub place: usize,
     pub side: Side<'a>,
@@ -25,7 +25,7 @@ pub(super) struct Known<'a> {
     pub turns: Vec<DenseMatrix>,
 }
 
-impl<'a> Known<'a> {
+impl<'a> ShapeSignatures<'a> {
     pub fn new(place: usize, shape: CollectionShape<'a>, request: &CollectionRequest) -> Result<Self, AnalysisError> {
         let side = Side::new(shape.basis, Vec::new())?;
         let values = signatures(&side)?;

@@ -23,7 +23,7 @@ use chladni_base::parallel::*;
 use chladni_mesh::TriangleMesh;
 
 pub use self::cost::CollectionCost;
-use self::known::Known;
+use self::known::ShapeSignatures;
 use self::latent::Latent;
 use super::error::{self, AnalysisError};
 use super::functional_map::matching::{Embedded, Match, Standing, map_of_points, zoom_out};
@@ -134,7 +134,7 @@ pub fn map_collection(
     check(shapes, request)?;
     monitor.stage("descriptors");
     let places: Vec<usize> = (0..shapes.len()).collect();
-    let known = each(&places, monitor, |&place| Known::new(place, shapes[place], request))?;
+    let known = each(&places, monitor, |&place| ShapeSignatures::new(place, shapes[place], request))?;
     let standing = each(&known, monitor, |known| known.standing(request))?;
     monitor.stage("first_maps");
     let pairs: Vec<(usize, usize)> = ordered_pairs(shapes.len()).collect();
@@ -262,7 +262,7 @@ pub fn check_sizes(shapes: &[ShapeSize], request: &CollectionRequest) -> Result<
     error::count("matches", vertices.saturating_mul(shapes.len() - 1), 1, MOST_MATCHES)
 }
 
-impl<'a> Known<'a> {
+impl<'a> ShapeSignatures<'a> {
     fn standing(&self, request: &CollectionRequest) -> Result<Samples, AnalysisError> {
         let vertices = self.side.samples(request.samples);
         let all = Standing::new(self.side.at(&vertices, request.pairs, "sample")?)?;

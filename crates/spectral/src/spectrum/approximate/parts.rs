@@ -308,7 +308,7 @@ impl<'a> Parted<'a> {
             check_plan(&found, plan, number)?;
             gathered.take(found)?;
         }
-        let Whole { space, mut pairs, sums, norm, defect } = gathered.whole(self.plan.parts)?;
+        let AllParts { space, mut pairs, sums, norm, defect } = gathered.whole(self.plan.parts)?;
         let measures = measures(&sums, &pairs.values, LARGEST_KERNEL_VALUE);
         let certificate = certificate_of(&measures, (norm, defect, problem.area), &mut pairs.vectors, &pairs.values);
         let nothing = || SparseMatrix::from_sorted_parts(0, 0, vec![0], Vec::new(), Vec::new());
@@ -489,7 +489,7 @@ struct Gathered {
 }
 
 /// All parts together.
-struct Whole {
+struct AllParts {
     space: SparseMatrix<f32>,
     pairs: EigenPairs,
     sums: Vec<PairShare>,
@@ -553,7 +553,7 @@ impl Gathered {
     }
 
     /// All of so many parts together.
-    fn whole(self, parts: usize) -> Result<Whole, PartError> {
+    fn whole(self, parts: usize) -> Result<AllParts, PartError> {
         let Self { seen, space, pairs, sums, norm, defect } = self;
         let missing = |reason: String| PartError::Damaged { number: parts, reason };
         if let Some(row) = seen.iter().position(|seen| !seen) {
@@ -563,7 +563,7 @@ impl Gathered {
         let space = space.unwrap_or_else(|| Stack::new(seen.len(), 0));
         drop(seen);
         let space = space.finish();
-        Ok(Whole { space, pairs, sums, norm, defect })
+        Ok(AllParts { space, pairs, sums, norm, defect })
     }
 }
 

@@ -55,7 +55,8 @@ pub(super) fn inverse_iteration(
     let problem = hodge_problem(mesh, dual, frames, boundary);
     let (stiffness, mass) = (&problem.stiffness, &problem.mass);
     let values: Vec<f64> = spectrum.values.iter().map(|value| value * problem.area).collect();
-    let residual_of = |part: FieldPart, sums: &ColumnSums| if part == FieldPart::Harmonic { 0.0 } else { residual(sums, 1.0) };
+    let residual_of =
+        |part: FieldPart, sums: &ColumnSums| if part == FieldPart::Harmonic { 0.0 } else { residual(sums, 1.0) };
     let sums = residual_sums(stiffness, mass, &spectrum.fields, &values, monitor)?;
     spectrum.residuals = sums.iter().zip(&spectrum.parts).map(|(sums, &part)| residual_of(part, sums)).collect();
     let is_open = |k: &usize| spectrum.parts[*k] == FieldPart::Harmonic || !(spectrum.residuals[*k] <= tolerance);

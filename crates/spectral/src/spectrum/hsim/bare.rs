@@ -177,7 +177,7 @@ impl Bench<'_> {
                     let found = lanczos::start(of.0, of.1, &known, wanted, self.monitor)?;
                     found.map(|found| (found, Columns::Ritz))
                 };
-                if let Some((lanczos::Found { values, vectors, .. }, columns)) = found {
+                if let Some((lanczos::KrylovPairs { values, vectors, .. }, columns)) = found {
                     if kernel > 0 && values.first().is_some_and(|&value| value < -NEGLIGIBLE * scout.spread()) {
                         finest.level.component.fill(NO_KERNEL);
                         continue;

@@ -4,7 +4,7 @@ use chladni_algebra::{PANEL_WIDTH, PanelMatrix};
 use chladni_base::Unwatched;
 use chladni_mesh::shape::{Shape, generate, noisy};
 
-use super::{Count, Found, certify};
+use super::{Candidates, Count, certify};
 use crate::operator::{MassKind, laplace};
 use crate::spectrum::hsim::dense_pairs::dense_pairs;
 use crate::spectrum::hsim::kernel::Kernel;
@@ -35,7 +35,7 @@ fn pairs_are_certified_as_they_are_and_with_nothing_wrong() {
         let judge = |vectors: &PanelMatrix, values: &[f64], count: Count, wanted: usize| {
             let (tolerance, offset) = (1e-6, 0.0);
             certify(
-                &Found {
+                &Candidates {
                     level: &level,
                     vectors,
                     values,
@@ -99,7 +99,7 @@ fn a_count_below_a_cut_cluster_bounds_those_below_and_those_of_it() {
         let judge = |low: Count, count: Count| {
             let (below_cluster, kernel) = (Some(low), &(0..1));
             let (values, vectors) = (&values, &vectors);
-            let found = Found {
+            let found = Candidates {
                 level: &level,
                 vectors,
                 values,

@@ -25,7 +25,7 @@ use super::tuning::TUNING;
 
 /// What was found.
 #[derive(Debug)]
-pub(super) struct Found {
+pub(super) struct KrylovPairs {
     /// Ritz values beside the kernel from the first wanted one on, ascending.
     pub values: Vec<f64>,
     /// Their vectors, orthonormal up to rounding, or as far as was asked for.
@@ -114,7 +114,7 @@ pub(super) fn start(
     kernel: &Kernel<'_>,
     wanted: KrylovRequest,
     monitor: &dyn Monitor,
-) -> Result<Option<Found>, HsimError> {
+) -> Result<Option<KrylovPairs>, HsimError> {
     let of = (wanted.pairs, kernel.dimension());
     let mut scout = Scout::new(level, symbolic, monitor);
     let Some(shift) = scout.middle(of, wanted.least_shift, monitor)? else { return Ok(None) };
@@ -142,7 +142,7 @@ pub(super) fn pairs_or_none(
     shift: &Shift<'_>,
     wanted: KrylovRequest,
     monitor: &dyn Monitor,
-) -> Result<Option<Found>, HsimError> {
+) -> Result<Option<KrylovPairs>, HsimError> {
     match pairs(level, symbolic, kernel, shift, wanted, &mut Vec::new(), monitor) {
         Err(HsimError::Numerical(_)) => Ok(None),
         found => found,
@@ -160,7 +160,7 @@ pub(super) fn pairs(
     wanted: KrylovRequest,
     memory: &mut Vec<Vec<f64>>,
     monitor: &dyn Monitor,
-) -> Result<Option<Found>, HsimError> {
+) -> Result<Option<KrylovPairs>, HsimError> {
     let mut space = Space::new(level, symbolic, kernel, shift, wanted, std::mem::take(memory), monitor)?;
     let most = wanted.most;
     let latest = first_look(wanted.pairs, wanted.tolerance);
@@ -187,7 +187,7 @@ pub(super) fn pairs(
         let complete = down && chosen.len() >= wanted.pairs;
         match pending.count() {
             left if complete && left <= wanted.leave.most(wanted.pairs, look == most, (look - first) / ONE_LOOK) => {
-                return Ok(Some(Found { left, ..space.vectors(&ritz, &chosen, memory)? }));
+                return Ok(Some(KrylovPairs { left, ..space.vectors(&ritz, &chosen, memory)? }));
             }
             _ if look == most => return Ok(None),
             _ => look = (look + between).min(most),
@@ -451,7 +451,7 @@ impl<'a> Space<'a> {
     /// It is orthogonal to the space: what becomes of a Ritz vector `x` is `y = T x / ν = x + Q f`, with the next block
     /// `Q`. So `YᵀMY = I + FᵀF`, and from `(S − μM) T = M` follows `Yᵀ(S − μM)Y = diag(1 / ν)`: the Ritz pairs of their
     /// span are those of a small pencil.
-    fn vectors(mut self, ritz: &Ritz, chosen: &[usize], memory: &mut Vec<Vec<f64>>) -> Result<Found, HsimError> {
+    fn vectors(mut self, ritz: &Ritz, chosen: &[usize], memory: &mut Vec<Vec<f64>>) -> Result<KrylovPairs, HsimError> {
         let (m, q) = (self.columns(), chosen.len());
         let mut coefficients = DenseMatrix::zeros(m + KRYLOV_WIDTH, q);
         let mut rests = DenseMatrix::zeros(KRYLOV_WIDTH, q);
@@ -481,7 +481,7 @@ impl<'a> Space<'a> {
         drop(self.open);
         self.memory.extend(rotate_and_spare(&mut self.basis, &coefficients, self.monitor)?);
         *memory = self.memory;
-        Ok(Found { values, vectors: self.basis, left: 0 })
+        Ok(KrylovPairs { values, vectors: self.basis, left: 0 })
     }
 }
 

@@ -12,7 +12,9 @@ use chladni_base::Monitor;
 use super::HsimError;
 use super::cuts::{FEW, Part};
 use super::kernel::Kernel;
-use super::lanczos::{self, Found, KrylovRequest, Leave, NUMBERS_FOR_CLUSTERS, for_clusters, most, pairs_or_none};
+use super::lanczos::{
+    self, KrylovPairs, KrylovRequest, Leave, NUMBERS_FOR_CLUSTERS, for_clusters, most, pairs_or_none,
+};
 use super::level::Level;
 use super::scout::{Scout, Window};
 use super::solve::Columns;
@@ -26,7 +28,7 @@ pub(super) fn start(
     scout: &mut Scout<'_>,
     wanted: KrylovRequest,
     monitor: &dyn Monitor,
-) -> Result<Option<(Found, Columns)>, HsimError> {
+) -> Result<Option<(KrylovPairs, Columns)>, HsimError> {
     // A count may lie on an eigenvalue, as a shift may: another start serves then.
     match of_one_or_several(of, kernel, scout, wanted, monitor) {
         Err(HsimError::Numerical(_)) => Ok(None),
@@ -40,7 +42,7 @@ fn of_one_or_several(
     scout: &mut Scout<'_>,
     wanted: KrylovRequest,
     monitor: &dyn Monitor,
-) -> Result<Option<(Found, Columns)>, HsimError> {
+) -> Result<Option<(KrylovPairs, Columns)>, HsimError> {
     // What follows tells how far apart the last ones lie.
     let columns = wanted.columns.min(level.size());
     let mut window = None;
@@ -117,8 +119,8 @@ fn of_parts(
     parts: &[Part],
     wanted: KrylovRequest,
     monitor: &dyn Monitor,
-) -> Result<Option<(Found, Columns)>, HsimError> {
-    let mut all = Found { values: Vec::new(), vectors: PanelMatrix::zeros(level.size(), 0), left: 0 };
+) -> Result<Option<(KrylovPairs, Columns)>, HsimError> {
+    let mut all = KrylovPairs { values: Vec::new(), vectors: PanelMatrix::zeros(level.size(), 0), left: 0 };
     for part in parts {
         // Beyond the wanted pairs, a count needs to know what comes next.
         let is_guard = part.from >= wanted.pairs;

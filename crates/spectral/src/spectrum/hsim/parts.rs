@@ -239,7 +239,7 @@ impl<'a> Parted<'a> {
         climb.monitor.detail(&format!("slice of pairs {from} to {} of {}", from + pairs, plan.pairs));
         let wanted = one_slice(level.size(), whole, (from, pairs), slice);
         let found = lanczos::pairs(level, symbolic, kernel, &shift, wanted, memory, climb.monitor)?;
-        let Some(lanczos::Found { values, vectors, .. }) = found else {
+        let Some(lanczos::KrylovPairs { values, vectors, .. }) = found else {
             return Ok(Err(slices::not_contained(from, pairs)));
         };
         let Count { shift: at, below, radius } = slices::count_at(level, kernel, &shift);

@@ -78,7 +78,7 @@ pub(in crate::spectrum) fn above_kernel(
         let Finest { level, symbolic, .. } = &finest;
         lanczos::start(level, symbolic, &Kernel::new(level), wanted, monitor)?
     };
-    let Some(lanczos::Found { values, vectors, .. }) = found else { return Ok(None) };
+    let Some(lanczos::KrylovPairs { values, vectors, .. }) = found else { return Ok(None) };
     let Some(&unit) = values.get(kernel).filter(|value| **value > 0.0 && value.is_finite()) else { return Ok(None) };
     let stiffness = &finest.level.stiffness;
     let divided = SparseMatrix::from_sorted_parts(

@@ -102,7 +102,7 @@ impl Task<'_> {
         if found.is_none() {
             monitor.note(FALLBACKS, "a single Krylov space: it did not contain the pairs");
         }
-        Ok(found.map(|(lanczos::Found { values, vectors, .. }, columns)| Begun { values, vectors, columns }))
+        Ok(found.map(|(lanczos::KrylovPairs { values, vectors, .. }, columns)| Begun { values, vectors, columns }))
     }
 
     /// As [`Task::solve`]; where that leads nowhere, from all pairs of a dense solve if the problem is small, else from

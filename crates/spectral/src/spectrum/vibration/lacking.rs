@@ -8,7 +8,7 @@
 use chladni_algebra::PanelMatrix;
 
 use super::refined::Refined;
-use super::{ElasticBody, ElasticProblem, Found, Iterations, Monitor, RigidMotions, VibrationError, exact};
+use super::{ElasticBody, ElasticProblem, Iterations, Monitor, NonrigidModes, RigidMotions, VibrationError, exact};
 use crate::spectrum::refine::Ordered;
 
 /// A value may lie above its eigenvalue by this many times its estimated error, as a share of the eigenvalue: twice
@@ -29,7 +29,7 @@ const MORE_COUNTS: usize = 4;
 
 /// What is asked of the modes.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Asked {
+pub(super) struct ModesRequest {
     pub iterations: Iterations,
     pub seed: u64,
 }
@@ -48,9 +48,9 @@ pub(super) fn modes(
     elastic: &ElasticProblem,
     rigid: &RigidMotions,
     mut refined: Refined,
-    asked: Asked,
+    asked: ModesRequest,
     monitor: &dyn Monitor,
-) -> Result<Found, VibrationError> {
+) -> Result<NonrigidModes, VibrationError> {
     let mut counter = refined.counter.take();
     let Some(counting) = counting_shift(&refined).filter(|_| counter.is_some()) else {
         return Ok(refined.into_found(rigid));
@@ -95,7 +95,7 @@ pub(super) fn modes(
 }
 
 /// Modes of a Krylov space with what approximate ones say of themselves.
-fn standing_in(mut found: Found, iterations: usize, lacking: usize) -> Found {
+fn standing_in(mut found: NonrigidModes, iterations: usize, lacking: usize) -> NonrigidModes {
     // Of a frequency, half of that of its square.
     let error = found.certificate["largest_residual"].as_f64().map_or(TOLERANCE, |residual| 0.5 * residual);
     found.certificate = serde_json::json!({
