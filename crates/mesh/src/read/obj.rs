@@ -1,5 +1,6 @@
-//! Wavefront OBJ: the `v` and `f` (or `fo`) lines, and what is kept beside them ([`ReadAttributes`]). Everything else (smoothing, curves)
-//! is passed over; no other file is ever opened. `docs/decisions/0002-obj-reader.md` says why this is not tobj.
+//! Wavefront OBJ: the `v` and `f` (or `fo`) lines, and what is kept beside them ([`ReadAttributes`]). Everything else
+//! (smoothing, curves) is passed over; no other file is ever opened. `docs/decisions/0002-obj-reader.md` says why this
+//! is not tobj.
 
 use super::builder::Builder;
 use super::error::ReadError;
