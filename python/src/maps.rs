@@ -2,7 +2,7 @@
 
 use chladni_mesh::numbering::Translation;
 use chladni_spectral::analysis::functional_map::{MapRequest, PointMap, functional_map as find};
-use chladni_spectral::analysis::map_collection::{CollectionRequest, Shape, map_collection as collect};
+use chladni_spectral::analysis::map_collection::{CollectionRequest, CollectionShape, map_collection as collect};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -16,7 +16,7 @@ use super::{arrays, watch};
 /// The numbers of a request; functions come beside it.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Wanted {
+struct FunctionalMapRequest {
     landmarks: Vec<[u32; 2]>,
     signatures: bool,
     start: Option<usize>,
@@ -41,7 +41,7 @@ pub fn functional_map<'py>(
     request: &str,
     descriptors: Option<(PyReadonlyArray2<'_, f64>, PyReadonlyArray2<'_, f64>)>,
 ) -> PyResult<Bound<'py, PyTuple>> {
-    let mut wanted: Wanted = parsed("functional map", request)?;
+    let mut wanted: FunctionalMapRequest = parsed("functional map", request)?;
     let (from, onto) = (source.translation(false)?, target.translation(false)?);
     for [a, b] in &mut wanted.landmarks {
         *a = from.vertex(u64::from(*a), source.basis.vertices()).map_err(Failure::from)?;
@@ -80,14 +80,14 @@ pub fn functional_map<'py>(
         ("coverage", found.coverage),
     ];
     let matrix: Bound<'py, PyArray2<f64>> = arrays::table(py, found.matrix)?;
-    let inverse = found.to_target.map(|points| told(py, points, &onto, &from));
-    (matrix, told(py, found.to_source, &from, &onto), inverse, qualities).into_pyobject(py)
+    let inverse = found.to_target.map(|points| numpy_points(py, points, &onto, &from));
+    (matrix, numpy_points(py, found.to_source, &from, &onto), inverse, qualities).into_pyobject(py)
 }
 
 /// The numbers of a collection's request.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct WantedCollection {
+struct MapCollectionRequest {
     start: Option<usize>,
     pairs: Option<usize>,
     step: usize,
@@ -108,14 +108,14 @@ pub fn map_collection<'py>(
     request: &str,
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyTuple>> {
-    let wanted: WantedCollection = parsed("map collection", request)?;
+    let wanted: MapCollectionRequest = parsed("map collection", request)?;
     let mut shapes = Vec::new();
     for (place, basis) in bases.iter().enumerate() {
         let Some(mesh) = basis.surface() else {
             let message = format!("basis {place} has no mesh: give it one where it is loaded");
             return Err(Failure::parameter(message).into());
         };
-        shapes.push(Shape { basis: &basis.basis, mesh });
+        shapes.push(CollectionShape { basis: &basis.basis, mesh });
     }
     let defaults = CollectionRequest::default();
     let most = shapes.iter().map(|shape| shape.basis.count()).min().unwrap_or(0);
@@ -132,7 +132,7 @@ pub fn map_collection<'py>(
     let numberings = bases.iter().map(|basis| basis.translation(false)).collect::<Result<Vec<Translation>, _>>()?;
     let mut maps: Vec<MapOfCollection<'py>> = Vec::with_capacity(found.maps.len());
     for map in found.maps {
-        let points = told(py, map.to_source, &numberings[map.source], &numberings[map.target]);
+        let points = numpy_points(py, map.to_source, &numberings[map.source], &numberings[map.target]);
         maps.push((map.source, map.target, arrays::table(py, map.matrix)?, points, map.disagreement));
     }
     (maps, found.cycles.pairs, found.cycles.triples, found.cycles.largest).into_pyobject(py)
@@ -140,7 +140,7 @@ pub fn map_collection<'py>(
 
 /// A map of points as the arrays number them: from vertices of `from` to those of `onto`; −1 and NaN where a vertex was
 /// dropped.
-fn told<'py>(py: Python<'py>, map: PointMap, onto: &Translation, from: &Translation) -> Points<'py> {
+fn numpy_points<'py>(py: Python<'py>, map: PointMap, onto: &Translation, from: &Translation) -> Points<'py> {
     let points: Vec<f64> = map.points.into_iter().map(|point| f64::from(onto.file_vertex(point))).collect();
     let confidences: Vec<f64> = map.confidences.into_iter().map(f64::from).collect();
     let (matched, points, confidences) = match map.matched {

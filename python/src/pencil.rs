@@ -1,6 +1,6 @@
 //! Any sparse symmetric pencil: `S x = λ M x`.
 
-use chladni_spectral::spectrum::pencil::{Mass, Pairs, Parameters, Pencil, PencilError, Wanted, csr, solve};
+use chladni_spectral::spectrum::pencil::{Mass, Pairs, Parameters, Pencil, PencilError, PencilSelection, csr, solve};
 use numpy::{IntoPyArray, PyReadonlyArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -38,13 +38,13 @@ struct Request {
 impl Request {
     fn parameters(&self) -> Parameters {
         let (most, count) = (self.most, self.count.unwrap_or(6));
-        let wanted = match (self.below, self.between, self.around) {
-            (_, Some([from, to]), _) => Wanted::Between { from, to, most },
-            (Some(bound), None, _) => Wanted::Below { bound, most },
-            (None, None, Some(shift)) => Wanted::Around { shift, count, most },
-            (None, None, None) => Wanted::Count(count),
+        let selection = match (self.below, self.between, self.around) {
+            (_, Some([from, to]), _) => PencilSelection::Between { from, to, most },
+            (Some(bound), None, _) => PencilSelection::Below { bound, most },
+            (None, None, Some(shift)) => PencilSelection::Around { shift, count, most },
+            (None, None, None) => PencilSelection::Count(count),
         };
-        Parameters { wanted, tolerance: self.tolerance, seed: self.seed }
+        Parameters { selection, tolerance: self.tolerance, seed: self.seed }
     }
 }
 

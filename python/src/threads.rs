@@ -11,14 +11,14 @@ use rayon::ThreadPool;
 
 use super::errors::{Failure, Kind};
 
-struct Held {
+struct ThreadPoolState {
     /// Threads asked for; 0 for one per core.
     wanted: usize,
     /// The process that the pool belongs to, and the pool.
     pool: Option<(u32, Arc<ThreadPool>)>,
 }
 
-static HELD: Mutex<Held> = Mutex::new(Held { wanted: 0, pool: None });
+static HELD: Mutex<ThreadPoolState> = Mutex::new(ThreadPoolState { wanted: 0, pool: None });
 
 /// The pool of this process.
 ///

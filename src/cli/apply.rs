@@ -247,7 +247,7 @@ pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
         request.faces.as_ref().map(|wanted| setting.faces(wanted, &Unwatched)).transpose().map_err(refused)?;
     let file_faces = |faces: &Vec<u32>| faces.iter().map(|&face| to.file_face(face)).collect::<Vec<_>>();
     let field_faces = sampled.as_ref().map(file_faces);
-    let matching = designed.exact.as_ref().map(|exact| MatchedFaces::told(&exact.matching, &to));
+    let matching = designed.exact.as_ref().map(|exact| MatchedFaces::in_file_faces(&exact.matching, &to));
     let Some((format, file)) = output else {
         let space = if designed.refined.is_some() { "surface" } else { "basis" };
         let design = designed.design;

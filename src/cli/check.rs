@@ -31,7 +31,7 @@ Exit codes: 0 the mesh can be used, as it is or after the listed repairs; 1 it c
 /// Prints the report of a mesh.
 pub fn check(arguments: CheckArguments) -> Result<ExitCode, CliError> {
     let (report, refusal) = inspect_body(arguments.input.read()?, &arguments.input.options());
-    let text = if arguments.json { line(&report, refusal.as_ref())? } else { page(&report, refusal.as_ref()) };
+    let text = if arguments.json { line(&report, refusal.as_ref())? } else { text_report(&report, refusal.as_ref()) };
     writeln!(std::io::stdout().lock(), "{}", text.trim_end()).map_err(CliError::stdout)?;
     Ok(if refusal.is_some() { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }
@@ -49,7 +49,7 @@ fn line(report: &MeshReport, refusal: Option<&MeshError>) -> Result<String, CliE
 }
 
 /// The report as tables for people.
-fn page(report: &MeshReport, refusal: Option<&MeshError>) -> String {
+fn text_report(report: &MeshReport, refusal: Option<&MeshError>) -> String {
     let yes = |value: bool| String::from(if value { "yes" } else { "no" });
     let [low, high] = report.bounding_box;
     let mut counts = Table::new(&["mesh", ""]);
@@ -152,7 +152,7 @@ mod tests {
     #[test]
     fn the_page_says_what_was_found_and_what_was_done() {
         let (report, refusal) = square(0.0);
-        let page = page(&report, refusal.as_ref());
+        let page = text_report(&report, refusal.as_ref());
         for part in ["vertices", "1.0000 × 1.0000 × 0.0000", "duplicate faces", "face 2", "vertex 4", "lose nothing"]
         {
             assert!(page.contains(part), "{part} is missing in\n{page}");
@@ -167,7 +167,7 @@ mod tests {
             let raw =
                 chladni_mesh::read::read(&text, chladni_mesh::read::MeshFormat::Obj, &Default::default()).unwrap();
             let (report, refusal) = inspect_body(raw, &CheckOptions::default());
-            page(&report, refusal.as_ref())
+            text_report(&report, refusal.as_ref())
         };
         assert!(told(b"f 1 2 3 4\n").contains("1: their Laplacian, potentials and families keep their shape"));
         assert!(!told(b"f 1 2 3\nf 1 3 4\n").contains("polygons"));
@@ -177,7 +177,8 @@ mod tests {
     fn a_refusal_is_named_in_both_forms() {
         let (report, refusal) = square(f64::NAN);
         assert!(
-            page(&report, refusal.as_ref()).contains("cannot be used: vertex 2 is not finite, and face 0 uses it.")
+            text_report(&report, refusal.as_ref())
+                .contains("cannot be used: vertex 2 is not finite, and face 0 uses it.")
         );
         let line: Value = serde_json::from_str(&line(&report, refusal.as_ref()).unwrap()).unwrap();
         assert_eq!((&line["usable"], &line["refusal"]["kind"]), (&json!(false), &json!("non-finite-coordinate")));

@@ -74,7 +74,7 @@ pub fn demo(arguments: DemoArguments) -> Result<ExitCode, CliError> {
     runtime()?.block_on(async {
         let mut signals = Signals::install()?;
         let running = start(&arguments).await?;
-        say(&format!("Serving on {}, data in {}\n\n", running.url(), arguments.data.display()))?;
+        print_text(&format!("Serving on {}, data in {}\n\n", running.url(), arguments.data.display()))?;
         let shown = tokio::select! {
             shown = show(&running, &arguments, source) => shown,
             signal = signals.next() => Err(CliError::Service(format!("ended by {signal}"))),
@@ -88,7 +88,7 @@ pub fn demo(arguments: DemoArguments) -> Result<ExitCode, CliError> {
             running.stop().await?;
             return Ok(ExitCode::SUCCESS);
         }
-        say("\nServing until Ctrl-C.\n")?;
+        print_text("\nServing until Ctrl-C.\n")?;
         signals.stop_on_first(running).await
     })
 }
@@ -113,8 +113,12 @@ async fn show(running: &Running, arguments: &DemoArguments, source: Source) -> R
     let began = Instant::now();
     let size = source.content.len() as u64;
     let mesh = client.upload(&source.name, source.format.as_deref(), source.content).await?;
-    say(&format!("{}\n", describe(&mesh)))?;
-    say(&format!("  {} uploaded, checked and stored in {:.2} s\n\n", bytes(size), began.elapsed().as_secs_f64()))?;
+    print_text(&format!("{}\n", describe(&mesh)))?;
+    print_text(&format!(
+        "  {} uploaded, checked and stored in {:.2} s\n\n",
+        bytes(size),
+        began.elapsed().as_secs_f64()
+    ))?;
 
     let began = Instant::now();
     let job = client.submit("eigenbasis", text(&mesh, "/id")?, &json!({"count": arguments.count})).await?;
@@ -125,7 +129,7 @@ async fn show(running: &Running, arguments: &DemoArguments, source: Source) -> R
             if let Some(stage) = state["stage"].as_str().filter(|_| state["status"] == "processing") {
                 bars.begin(stage);
                 bars.advance(state["progress"].as_f64().unwrap_or(0.0));
-                bars.tell(state["detail"].as_str().unwrap_or_default());
+                bars.show_detail(state["detail"].as_str().unwrap_or_default());
             }
         })
         .await?;
@@ -136,7 +140,7 @@ async fn show(running: &Running, arguments: &DemoArguments, source: Source) -> R
         return Err(CliError::Refused(format!("the job is {}: {reason}", text(&job, "/status")?)));
     }
     let basis = client.get(text(&job, "/links/basis")?).await?;
-    say(&report(&basis, known, elapsed, &running.url())?)
+    print_text(&report(&basis, known, elapsed, &running.url())?)
 }
 
 /// One line about a stored mesh.
@@ -205,7 +209,7 @@ fn count(value: &Value, name: &str) -> String {
     grouped(value[name].as_u64().unwrap_or(0) as usize)
 }
 
-fn say(text: &str) -> Result<(), CliError> {
+fn print_text(text: &str) -> Result<(), CliError> {
     let mut out = io::stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(CliError::stdout)
 }

@@ -37,12 +37,12 @@ pub fn doctor(arguments: DoctorArguments) -> Result<ExitCode, CliError> {
     let DoctorArguments { data, repair, pair } = arguments;
     let settings = |options| StoreOptions { pair_anyway: pair, ..options };
     let found = data.with_store(settings, |store| async move { store.examine(repair).await })?;
-    data.print(&found, || page(&found))?;
+    data.print(&found, || text_report(&found))?;
     Ok(if found.is_ill() { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }
 
 /// An examination as text for people.
-pub(super) fn page(found: &Examination) -> String {
+pub(super) fn text_report(found: &Examination) -> String {
     let mut counts = Table::new(&["looked at", ""]);
     for (name, count) in [
         ("meshes", found.meshes),

@@ -9,7 +9,7 @@ use chladni_base::{Monitor, StageClock};
 use chladni_spectral::basis::{Around, Basis, NearPair, PENCIL, Precision};
 use chladni_spectral::formats::matrix::{MatrixFile, MatrixLimits};
 use chladni_spectral::formats::npz;
-use chladni_spectral::spectrum::pencil::{Mass, Parameters, Pencil, PencilError, Wanted, solve};
+use chladni_spectral::spectrum::pencil::{Mass, Parameters, Pencil, PencilError, PencilSelection, solve};
 use chladni_work::SOLVER_VERSION;
 use serde_json::{Map, Value, json};
 
@@ -110,13 +110,13 @@ pub fn eigsh(arguments: EigshArguments) -> Result<ExitCode, CliError> {
 }
 
 impl EigshArguments {
-    fn wanted(&self) -> Wanted {
+    fn selection(&self) -> PencilSelection {
         let most = self.at_most;
         match (self.below, self.between, self.around) {
-            (Some(bound), _, _) => Wanted::Below { bound, most },
-            (None, Some([from, to]), _) => Wanted::Between { from, to, most },
-            (None, None, Some(shift)) => Wanted::Around { shift, count: self.count, most },
-            (None, None, None) => Wanted::Count(self.count),
+            (Some(bound), _, _) => PencilSelection::Below { bound, most },
+            (None, Some([from, to]), _) => PencilSelection::Between { from, to, most },
+            (None, None, Some(shift)) => PencilSelection::Around { shift, count: self.count, most },
+            (None, None, None) => PencilSelection::Count(self.count),
         }
     }
 
@@ -136,7 +136,7 @@ impl EigshArguments {
         let bars = StageBars::new(self.json || self.quiet);
         let clock = StageClock::new(&bars);
         let began = Instant::now();
-        let parameters = Parameters { wanted: self.wanted(), tolerance: self.tolerance, seed: self.seed };
+        let parameters = Parameters { selection: self.selection(), tolerance: self.tolerance, seed: self.seed };
         let basis = pool.install(|| {
             clock.stage("read");
             let pencil = self.pencil(&clock)?;
@@ -165,16 +165,18 @@ impl EigshArguments {
 
     /// How the basis was made, as it is written.
     fn about(&self, parameters: &Parameters) -> Map<String, Value> {
-        let wanted = match parameters.wanted {
-            Wanted::Count(count) => json!({ "count": count }),
-            Wanted::Below { bound, most } => json!({ "below": bound, "at_most": most }),
-            Wanted::Between { from, to, most } => json!({ "between": [from, to], "at_most": most }),
-            Wanted::Around { shift, count, most } => json!({ "around": shift, "count": count, "at_most": most }),
+        let selection = match parameters.selection {
+            PencilSelection::Count(count) => json!({ "count": count }),
+            PencilSelection::Below { bound, most } => json!({ "below": bound, "at_most": most }),
+            PencilSelection::Between { from, to, most } => json!({ "between": [from, to], "at_most": most }),
+            PencilSelection::Around { shift, count, most } => {
+                json!({ "around": shift, "count": count, "at_most": most })
+            }
         };
         let about = [
             ("kind", json!(PENCIL)),
             ("method", json!("hsim")),
-            ("wanted", wanted),
+            ("wanted", selection),
             ("tolerance", json!(parameters.tolerance)),
             ("seed", json!(parameters.seed)),
             ("solver_version", json!(SOLVER_VERSION)),

@@ -140,7 +140,7 @@ pub fn compress(arguments: CompressArguments) -> Result<ExitCode, CliError> {
     if let Some(file) = output {
         file.write(|out| Ok(out.write_all(&packed.bytes)?))?;
     }
-    print(&rate.told(basis, packed).map_err(refused)?)
+    print(&rate.into_answer(basis, packed).map_err(refused)?)
 }
 
 /// Where functions go that were put together.

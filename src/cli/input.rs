@@ -80,8 +80,8 @@ impl MeshInput {
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub struct NumberingArguments {
     /// How vertices and faces are numbered: as in the file, or as in the mesh that is kept after repairs
-    #[arg(long, value_name = "NUMBERING", value_parser = whose, default_value = "file", help_heading = "Input")]
-    pub numbering: Whose,
+    #[arg(long, value_name = "NUMBERING", value_parser = numbering, default_value = "file", help_heading = "Input")]
+    pub numbering: NumberingChoice,
 
     /// Value for vertices of the file that no face uses: none (not a number), or that of the nearest vertex
     #[arg(long, value_name = "HOW", value_parser = extension, default_value = "none", help_heading = "Input")]
@@ -90,7 +90,7 @@ pub struct NumberingArguments {
 
 impl Default for NumberingArguments {
     fn default() -> Self {
-        Self { numbering: Whose::File, extend: Extension::None }
+        Self { numbering: NumberingChoice::File, extend: Extension::None }
     }
 }
 
@@ -98,25 +98,25 @@ impl NumberingArguments {
     /// How vertices and faces of a mesh are translated.
     pub fn translation(&self, numbering: Arc<Numbering>) -> Translation {
         match self.numbering {
-            Whose::File => Translation::of_file(numbering, self.extend),
-            Whose::Kept => Translation::default(),
+            NumberingChoice::File => Translation::of_file(numbering, self.extend),
+            NumberingChoice::Kept => Translation::default(),
         }
     }
 }
 
 /// Whose numbering.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Whose {
+pub enum NumberingChoice {
     /// That of the file.
     File,
     /// That of the kept mesh.
     Kept,
 }
 
-fn whose(text: &str) -> Result<Whose, &'static str> {
+fn numbering(text: &str) -> Result<NumberingChoice, &'static str> {
     match text {
-        "file" => Ok(Whose::File),
-        "kept" => Ok(Whose::Kept),
+        "file" => Ok(NumberingChoice::File),
+        "kept" => Ok(NumberingChoice::Kept),
         _ => Err("one of file, kept"),
     }
 }

@@ -11,7 +11,7 @@ use chladni_mesh::check::{Merge, SurfaceOf};
 use chladni_mesh::numbering::Translation;
 use chladni_mesh::read::MeshFormat;
 use chladni_spectral::analysis::map_collection::{
-    CollectionMap, CollectionRequest, MOST_SHAPES, MapCollection, Shape, map_collection,
+    CollectionMap, CollectionRequest, CollectionShape, MOST_SHAPES, MapCollection, map_collection,
 };
 use chladni_spectral::basis::{Basis, Product};
 use chladni_spectral::formats::npz;
@@ -122,7 +122,8 @@ pub fn collect(arguments: MapCollectionArguments) -> Result<ExitCode, CliError> 
     let (solved, found) = pool.install(|| {
         let each = |path: &PathBuf| arguments.solved(path, &job, &bars);
         let solved = arguments.meshes.iter().map(each).collect::<Result<Vec<Solved>, CliError>>()?;
-        let shapes: Vec<Shape<'_>> = solved.iter().map(|own| Shape { basis: &own.basis, mesh: &own.mesh }).collect();
+        let shapes: Vec<CollectionShape<'_>> =
+            solved.iter().map(|own| CollectionShape { basis: &own.basis, mesh: &own.mesh }).collect();
         let found = map_collection(&shapes, &arguments.request(), &bars);
         Ok::<_, CliError>((solved, found.map_err(|error| CliError::Refused(error.to_string()))?))
     })?;

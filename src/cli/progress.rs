@@ -54,7 +54,7 @@ impl StageBars {
     }
 
     /// Says where the current stage stands, in a few words; none take it away.
-    pub fn tell(&self, detail: &str) {
+    pub fn show_detail(&self, detail: &str) {
         if let Some(stage) = self.lock().as_ref() {
             stage.bar.set_prefix(detail.to_owned());
         }
@@ -96,7 +96,7 @@ impl Monitor for StageBars {
         self.advance(fraction);
     }
     fn detail(&self, text: &str) {
-        self.tell(text);
+        self.show_detail(text);
     }
     fn checkpoint(&self) -> Result<(), Cancelled> {
         Ok(())

@@ -27,6 +27,6 @@ Exit codes: 0 done; 1 done, but something in the backup is damaged; 3 a folder c
 pub fn restore(arguments: RestoreArguments) -> Result<ExitCode, CliError> {
     let RestoreArguments { backup, data } = arguments;
     let found = data.wait(store::restore(&backup, &data.folder))?;
-    data.print(&found, || doctor::page(&found))?;
+    data.print(&found, || doctor::text_report(&found))?;
     Ok(if found.is_ill() { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }

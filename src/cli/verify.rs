@@ -123,7 +123,7 @@ pub fn verify(arguments: VerifyArguments) -> Result<ExitCode, CliError> {
     if let Some(path) = &arguments.receipt {
         std::fs::write(path, format!("{receipt:#}\n")).map_err(|error| CliError::file("write", path, error))?;
     }
-    let text = if arguments.json { format!("{receipt}\n") } else { page(&judged, total) };
+    let text = if arguments.json { format!("{receipt}\n") } else { text_report(&judged, total) };
     std::io::stdout().write_all(text.as_bytes()).map_err(CliError::stdout)?;
     Ok(if judged.outcome.findings.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
@@ -355,7 +355,7 @@ fn parameters(basis: &Basis, operator: Option<&str>) -> Result<EigenbasisParamet
 }
 
 /// The same for people.
-fn page(judged: &Judged, total: f64) -> String {
+fn text_report(judged: &Judged, total: f64) -> String {
     let Judged { outcome, pairs, .. } = judged;
     // Nothing is measured where sizes do not fit.
     let measured = |value: f64| if outcome.residuals.is_empty() { "–".to_owned() } else { number(value) };

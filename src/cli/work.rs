@@ -48,9 +48,9 @@ pub struct WorkArguments {
     pub ignore_memory: bool,
 
     /// Write the result to this file: .npz with everything; for an eigenbasis also .mat (MATLAB, Octave), .csv (a row
-    /// for each vertex, as --numbering says), .vtp or .ply (the surface with its eigenfunctions; points without faces in
-    /// the order that --numbering says). Archives and surfaces have the vertices kept after repairs: .npz and .mat have the
-    /// maps vertex_map and face_map, .vtp and .ply the arrays file_vertex and file_face
+    /// for each vertex, as --numbering says), .vtp or .ply (the surface with its eigenfunctions; points without faces
+    /// in the order that --numbering says). Archives and surfaces have the vertices kept after repairs: .npz and .mat
+    /// have the maps vertex_map and face_map, .vtp and .ply the arrays file_vertex and file_face
     #[arg(long, short = 'o', value_name = "FILE", help_heading = "Output")]
     pub output: Option<PathBuf>,
 

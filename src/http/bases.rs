@@ -61,7 +61,7 @@ problems!(ListBasesProblems: PAGE []);
 async fn list(state: ClientState, QueryOf(query): QueryOf<ListQuery>) -> Result<Json<PageOf<BasisSummary>>, Problem> {
     extract::known_kind(query.kind.as_deref())?;
     let filter = BasisFilter { mesh: query.mesh, kind: query.kind };
-    let page = state.store.bases(&filter, &super::extract::page(query.limit, query.from)?).await?;
+    let page = state.store.bases(&filter, &super::extract::page_request(query.limit, query.from)?).await?;
     Ok(Json(PageOf::of(page, BasisSummary::from)))
 }
 

@@ -103,7 +103,7 @@ async fn compress_functions(
                 let errors: Vec<String> = packed.relative_errors.iter().map(|error| format!("{error:e}")).collect();
                 return Ok(Answer::new(packed.bytes, OCTETS, begin).with("chladni-relative-error", errors.join(", ")));
             }
-            Answer::json(&rate.told(&basis, packed)?, begin)
+            Answer::json(&rate.into_answer(&basis, packed)?, begin)
         })
         .await
 }

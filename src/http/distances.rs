@@ -16,7 +16,7 @@ use super::binary::{self, Dtype, Table};
 use super::client::ClientState;
 use super::exchange::{self, Answer};
 use super::extract::QueryOf;
-use super::fields::kept;
+use super::fields::cached;
 use super::ids::{BasisId, MeshId};
 use super::numbering::{Numbered, NumberingQuery};
 use super::problem::{self, Problem};
@@ -152,7 +152,7 @@ async fn on_mesh(
         GeodesicMethod::Heat => ("heat_factor", format!("{mesh} {time:?}")),
         _ => ("unfolding", mesh.to_owned()),
     };
-    let prepared = kept(state, stage, &key, move |monitor| {
+    let prepared = cached(state, stage, &key, move |monitor| {
         let made = MeshDistances::new(&content, method, time, monitor)?.ok_or(DistanceFault::NeedsBasis)?;
         let bytes = made.bytes();
         Ok((made, bytes))

@@ -15,10 +15,10 @@ use utoipa_axum::routes;
 
 use super::details::Details;
 use super::extract::PathOf;
-use super::page;
 use super::problem::{self, KINDS, Problem};
 use super::problems::problems;
 use super::state::AppState;
+use super::web_page;
 
 /// An error, in the form of RFC 9457. Some kinds have further members.
 #[derive(ToSchema)]
@@ -163,15 +163,15 @@ async fn openapi() -> Response {
     responses((status = 200, description = "The page", body = String, content_type = "text/html", example = "<!doctype html>…")))]
 async fn reference(headers: HeaderMap) -> Response {
     // A binary without its web page has the plain one.
-    match page::reference(&headers) {
+    match web_page::reference(&headers) {
         Some(page) => page,
         None => plain().await,
     }
 }
 
 async fn plain() -> Response {
-    static PAGE: OnceLock<String> = OnceLock::new();
-    html(PAGE.get_or_init(|| render(&serde_json::from_str(cached()).unwrap_or_default())))
+    static RENDERED: OnceLock<String> = OnceLock::new();
+    html(RENDERED.get_or_init(|| render(&serde_json::from_str(cached()).unwrap_or_default())))
 }
 
 /// Lists every kind of problem

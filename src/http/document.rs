@@ -36,6 +36,7 @@ const ABSENT: &[(&str, &[&str])] = &[
     ("VibrationBasisDetails", &[DENSE_SOLVER]),
     ("PencilBasisDetails", &[DENSE_SOLVER, FALLBACKS]),
     ("MapCollectionDetails", &[DENSE_SOLVER]),
+    ("SavedDesign", &["matching"]),
 ];
 
 /// Makes the document of what the derives say.

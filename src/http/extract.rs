@@ -69,7 +69,7 @@ pub fn invalid_query(said: &str, query: &str) -> Problem {
         _ => "",
     };
     let told =
-        if !wanted.is_empty() { format!("{name} must be {wanted}{}", given()) } else { plain::told(name, reason) };
+        if !wanted.is_empty() { format!("{name} must be {wanted}{}", given()) } else { plain::explain(name, reason) };
     Problem::new(&problem::INVALID_QUERY, format!("The query is invalid: {told}."))
 }
 
@@ -77,7 +77,7 @@ pub fn invalid_query(said: &str, query: &str) -> Problem {
 ///
 /// # Errors
 /// `invalid-query` where the limit is zero.
-pub fn page(limit: Option<u32>, from: Option<String>) -> Result<PageRequest, Problem> {
+pub fn page_request(limit: Option<u32>, from: Option<String>) -> Result<PageRequest, Problem> {
     let limit = limit.unwrap_or(PageRequest::default().limit);
     if !(1..=PageRequest::MOST).contains(&limit) {
         return Err(Problem::new(
@@ -141,8 +141,8 @@ pub fn parse_json<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Problem> {
         // Where an enumeration is wanted, the parser takes `null` for a mistake of grammar.
         let read = serde_json::from_slice::<Packed>(bytes);
         let told = match (&read, error.inner().is_data()) {
-            (Ok(value), true) => plain::told_within(value, error.path(), &error.inner().to_string()),
-            (Err(_), true) => plain::told(&error.path().to_string(), &error.inner().to_string()),
+            (Ok(value), true) => plain::explain_within(value, error.path(), &error.inner().to_string()),
+            (Err(_), true) => plain::explain(&error.path().to_string(), &error.inner().to_string()),
             (Ok(value), false) if let Err(told) = plain::read::<T>(value) => told,
             _ => return Problem::new(&problem::INVALID_JSON, format!("{}", error.inner())),
         };

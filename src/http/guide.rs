@@ -7,9 +7,9 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 
 use super::embedded::{ASKED_EACH_TIME, Files};
-use super::page;
 use super::problem::{self, Problem};
 use super::state::AppState;
+use super::web_page;
 
 static FILES: Files = Files::new(include!(concat!(env!("OUT_DIR"), "/guide.rs")));
 
@@ -31,7 +31,7 @@ fn elsewhere(to: &'static str) -> Response {
 }
 
 fn file(name: &str, headers: &HeaderMap) -> Result<Response, Problem> {
-    let policy = if name.starts_with("pictures/") { PICTURE } else { page::POLICY };
+    let policy = if name.starts_with("pictures/") { PICTURE } else { web_page::POLICY };
     FILES.answer(name, headers, ASKED_EACH_TIME, policy)?.ok_or_else(|| {
         Problem::new(&problem::NOT_FOUND, format!("The manual has no page {:?}.", problem::shorten(name.to_owned())))
     })

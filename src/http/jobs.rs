@@ -388,7 +388,7 @@ async fn list(state: ClientState, QueryOf(query): QueryOf<ListQuery>) -> Result<
     let no_id = |_| Problem::new(&problem::INVALID_QUERY, "parent: must be the id of a job.");
     let parent = query.parent.as_deref().map(|parent| Uuid::try_parse(parent).map_err(no_id)).transpose()?;
     let filter = JobFilter { status: query.status.map(Into::into), kind: query.kind, mesh: query.mesh, parent };
-    let (page, store) = (extract::page(query.limit, query.from)?, state.store.clone());
+    let (page, store) = (extract::page_request(query.limit, query.from)?, state.store.clone());
     let resources = async move {
         let mut page = store.jobs(&filter, &page).await?;
         say_why_they_wait(&store, &mut page.items).await?;

@@ -7,7 +7,7 @@ use chladni_algebra::DenseMatrix;
 use chladni_mesh::numbering::Translation;
 use chladni_spectral::analysis::functional_map::PointMap;
 use chladni_spectral::analysis::map_collection::{
-    CollectionMap, CollectionRequest, MOST_SHAPES, Shape, map_collection,
+    CollectionMap, CollectionRequest, CollectionShape, MOST_SHAPES, map_collection,
 };
 use chladni_spectral::basis::CycleErrors;
 use chladni_work::functional_map::Inverse;
@@ -91,7 +91,7 @@ pub(super) struct One {
 
 impl One {
     /// A map of points for all vertices, as the files number them.
-    pub fn told(
+    pub fn in_file_numbering(
         (source, target): (usize, usize),
         points: PointMap,
         disagreement: f64,
@@ -194,13 +194,14 @@ async fn collect_maps(
     state
         .solve("map_collection", move |monitor| {
             let begin = Instant::now();
-            let shapes: Vec<Shape<'_>> = bases.iter().zip(&meshes).map(|(basis, mesh)| Shape { basis, mesh }).collect();
+            let shapes: Vec<CollectionShape<'_>> =
+                bases.iter().zip(&meshes).map(|(basis, mesh)| CollectionShape { basis, mesh }).collect();
             let found = map_collection(&shapes, &wanted, monitor)?;
-            let told = |map: CollectionMap| {
+            let in_file_numbering = |map: CollectionMap| {
                 let matrix = request.matrices.then_some(&map.matrix);
-                One::told((map.source, map.target), map.to_source, map.disagreement, matrix, &numberings)
+                One::in_file_numbering((map.source, map.target), map.to_source, map.disagreement, matrix, &numberings)
             };
-            let maps = found.maps.into_iter().map(told).collect();
+            let maps = found.maps.into_iter().map(in_file_numbering).collect();
             let answer = MapCollectionAnswer { maps, cycles: found.cycles.into() };
             Answer::json(&answer, begin)
         })

@@ -285,7 +285,7 @@ problems!(ListMeshesProblems: PAGE []);
     security(("bearer" = ["read"]))
 )]
 async fn list(state: ClientState, QueryOf(query): QueryOf<ListQuery>) -> Result<Json<PageOf<MeshResource>>, Problem> {
-    let page = super::extract::page(query.limit, query.from)?;
+    let page = super::extract::page_request(query.limit, query.from)?;
     let page = state.store.meshes_named(query.name.as_deref(), &page).await?;
     Ok(Json(PageOf::of(page, MeshResource::from)))
 }

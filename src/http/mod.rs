@@ -17,7 +17,7 @@
 //! | `wire`, `pencil_wire`, `details` | what goes over the wire |
 //! | `document`, `kinds`, `variants` | the OpenAPI document, made of what the types say |
 //! | `meshes`, `mesh_maps`, `upload`, `pencils`, `pencil_upload`, `jobs`, `events`, `bases`, `content`, `modes`, `solves`, `distances`, `signatures`, `compressions`, `comparisons`, `verification`, `subspaces`, `value_gradients`, `maps`, `fields`, `family`, `vibration`, `system`, `docs` | the routes |
-//! | `page`, `guide`, `embedded` | the web page and the manual, embedded |
+//! | `web_page`, `guide`, `embedded` | the web page and the manual, embedded |
 
 mod access;
 mod auth;
@@ -59,7 +59,6 @@ mod modes;
 mod named;
 mod numbering;
 mod origin;
-mod page;
 mod parameters;
 mod pencil_upload;
 mod pencil_wire;
@@ -85,6 +84,7 @@ mod value_gradients;
 mod variants;
 mod verification;
 mod vibration;
+mod web_page;
 mod wire;
 
 pub use auth::{ApiKey, KeyError, KeysNeeded, Scope, require_keys};
@@ -157,7 +157,7 @@ pub fn router(state: AppState) -> Router {
         .layer(from_fn_with_state((state.clone(), access), access::authorise))
         // What follows is no part of the API, stands in no document, and is open to everyone.
         .merge(
-            page::routes()
+            web_page::routes()
                 .merge(guide::routes())
                 .merge(docs::pages())
                 .method_not_allowed_fallback(middleware::method_not_allowed),

@@ -81,7 +81,7 @@ pub async fn check(State(parameters): State<Arc<Parameters>>, request: Request, 
 mod tests {
     use super::*;
 
-    fn told(method: Method, path: &str, query: &str) -> Option<String> {
+    fn refusal_detail(method: Method, path: &str, query: &str) -> Option<String> {
         let parameters = Parameters::of(&super::super::routes().split_for_parts().1);
         let uri = format!("{path}?{query}").parse().unwrap();
         parameters.refusal(path, &method, &uri).map(|refused| refused.detail().to_owned())
@@ -89,7 +89,7 @@ mod tests {
 
     #[test]
     fn queries_have_the_parameters_that_the_document_names() {
-        let told = |method, path, query| told(method, path, query).unwrap_or_default();
+        let told = |method, path, query| refusal_detail(method, path, query).unwrap_or_default();
         assert_eq!(
             told(Method::GET, "/v1/meshes/{id}", "foo=1"),
             r#"Unknown query parameter "foo"; this route takes none."#

@@ -151,7 +151,7 @@ async fn list(
     state: ClientState,
     QueryOf(query): QueryOf<ListQuery>,
 ) -> Result<Json<PageOf<ProblemResource>>, Problem> {
-    let page = extract::page(query.limit, query.from)?;
+    let page = extract::page_request(query.limit, query.from)?;
     let page = state.store.problems_named(query.name.as_deref(), &page).await?;
     Ok(Json(PageOf::of(page, ProblemResource::from)))
 }

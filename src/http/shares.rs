@@ -14,11 +14,11 @@ pub struct Shares(Arc<Inner>);
 #[derive(Debug)]
 struct Inner {
     whole: u64,
-    held: Mutex<Held>,
+    held: Mutex<SharesInUse>,
 }
 
 #[derive(Debug, Default)]
-struct Held {
+struct SharesInUse {
     total: u64,
     by_client: HashMap<Arc<str>, u64>,
 }
@@ -70,7 +70,7 @@ impl Shares {
         self.lock().total
     }
 
-    fn lock(&self) -> MutexGuard<'_, Held> {
+    fn lock(&self) -> MutexGuard<'_, SharesInUse> {
         self.0.held.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

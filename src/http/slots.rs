@@ -49,14 +49,14 @@ impl Slots {
         {
             let mut state = self.lock();
             state.lines.add(client, sender);
-            self.deal(&mut state);
+            self.grant_slots(&mut state);
         }
         // Slots are dealt as long as there are any, and whoever waits is in the line: it comes.
         receiver.await.unwrap_or(Slot(None))
     }
 
     /// Gives free slots to those whose turn it is.
-    fn deal(&self, state: &mut State) {
+    fn grant_slots(&self, state: &mut State) {
         while state.free > 0 {
             let (held, most) = (&state.held, self.0.most_of_one);
             let may = |client: &Arc<str>| held.get(client).copied().unwrap_or(0) < most;
@@ -88,17 +88,17 @@ impl Drop for Slot {
                 state.held.remove(&client);
             }
         }
-        slots.deal(&mut state);
+        slots.grant_slots(&mut state);
     }
 }
 
 /// The slot of one request, which everything that works for it shares. Without one it is not in line: an operation that
 /// writes waits for other writes.
 #[derive(Debug, Clone, Default)]
-pub struct Turn(Option<Arc<Held>>);
+pub struct Turn(Option<Arc<TurnSlot>>);
 
 #[derive(Debug)]
-struct Held {
+struct TurnSlot {
     slots: Slots,
     client: Arc<str>,
     slot: Mutex<Option<Slot>>,
@@ -108,7 +108,7 @@ impl Turn {
     /// Waits for a slot of the client's.
     pub async fn of(slots: &Slots, client: &Arc<str>) -> Self {
         let slot = Mutex::new(Some(slots.take(client).await));
-        Self(Some(Arc::new(Held { slots: slots.clone(), client: client.clone(), slot })))
+        Self(Some(Arc::new(TurnSlot { slots: slots.clone(), client: client.clone(), slot })))
     }
 
     /// Lets others on while the request waits for its client, for a job, or for threads that have a line of their own;
@@ -131,7 +131,7 @@ impl Turn {
     }
 }
 
-impl Held {
+impl TurnSlot {
     fn lock(&self) -> MutexGuard<'_, Option<Slot>> {
         self.slot.lock().unwrap_or_else(PoisonError::into_inner)
     }

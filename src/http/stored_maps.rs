@@ -102,7 +102,7 @@ async fn show_maps(
                 let points =
                     PointMap { matched: None, points: map.points.clone(), confidences: map.confidences.clone() };
                 let matrix = query.matrices.then_some(&map.matrix);
-                told.push(One::told(pair, points, map.disagreement, matrix, &numberings));
+                told.push(One::in_file_numbering(pair, points, map.disagreement, matrix, &numberings));
             }
             Answer::json(&MapCollectionAnswer { maps: told, cycles: maps.cycles.into() }, begin)
         })

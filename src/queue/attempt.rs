@@ -84,7 +84,7 @@ pub(super) async fn run(
     let beating = AbortOnDrop(tokio::spawn(beating.run(shared.options.clone())));
 
     if let Some(too_large) = too_large(&job, shared.budget.total()) {
-        settle(shared, &job.kind, Ending::Failed(too_large, false), token).await;
+        record_ending(shared, &job.kind, Ending::Failed(too_large, false), token).await;
         return Threads::Free;
     }
     let subject = match load_subject(shared, &job, token, &mut verdict).await {
@@ -95,30 +95,31 @@ pub(super) async fn run(
             let retryable =
                 error.is_retryable() || (shared.store.is_shared() && matches!(error, StoreError::Damaged { .. }));
             let name = if job.bases.is_empty() { "mesh-unavailable" } else { "basis-unavailable" };
-            settle(shared, &job.kind, Ending::Failed(problem(name, &error), retryable), token).await;
+            record_ending(shared, &job.kind, Ending::Failed(problem(name, &error), retryable), token).await;
             return Threads::Free;
         }
     };
     let subject = match divided::next(shared, &job, subject).await {
         Ok(Next::Run(subject)) => subject,
         Ok(Next::Fail(problem)) => {
-            settle(shared, &job.kind, Ending::Failed(problem, false), token).await;
+            record_ending(shared, &job.kind, Ending::Failed(problem, false), token).await;
             return Threads::Free;
         }
         Ok(Next::Wait) => {
-            settle(shared, &job.kind, Ending::Released, token).await;
+            record_ending(shared, &job.kind, Ending::Released, token).await;
             return Threads::Free;
         }
         Err(error) => {
             let retryable = error.is_retryable();
-            settle(shared, &job.kind, Ending::Failed(problem("parts-unavailable", &error), retryable), token).await;
+            record_ending(shared, &job.kind, Ending::Failed(problem("parts-unavailable", &error), retryable), token)
+                .await;
             return Threads::Free;
         }
     };
     let size = divided::mesh_size(&subject);
     let result = begin(shared, &job, subject, &monitor, &memory, threads);
     let attempt = UnderWay { shared, job: &job, size, token, monitor: &monitor, cancel_deadline: None, settled: false };
-    let threads = attempt.attend(result, verdict).await;
+    let threads = attempt.wait_for_result(result, verdict).await;
     drop((beating, memory));
     threads
 }
@@ -169,13 +170,17 @@ struct UnderWay<'a> {
 
 impl UnderWay<'_> {
     /// Waits for the work, and for all that may make it void.
-    async fn attend(mut self, mut result: oneshot::Receiver<Worked>, mut verdicts: mpsc::Receiver<Verdict>) -> Threads {
+    async fn wait_for_result(
+        mut self,
+        mut result: oneshot::Receiver<Worked>,
+        mut verdicts: mpsc::Receiver<Verdict>,
+    ) -> Threads {
         let mut draining = self.shared.give_back.subscribe();
         loop {
             tokio::select! {
                 outcome = &mut result => {
                     if !self.settled {
-                        self.conclude(outcome).await;
+                        self.record_outcome(outcome).await;
                     }
                     return Threads::Free;
                 }
@@ -184,20 +189,20 @@ impl UnderWay<'_> {
                         self.monitor.cancel();
                         self.cancel_deadline.get_or_insert(Instant::now() + CANCEL_PATIENCE);
                     }
-                    Verdict::Lost => self.lose(),
+                    Verdict::Lost => self.on_lease_lost(),
                     Verdict::Stalled => {
-                        self.stall().await;
+                        self.on_stalled().await;
                         return Threads::Occupied;
                     }
                 },
                 () = until(self.cancel_deadline) => {
                     // The work stops when it comes to it; the client need not wait for that.
                     self.cancel_deadline = None;
-                    self.settle(Ending::Canceled).await;
+                    self.record_ending(Ending::Canceled).await;
                 }
                 () = signalled(&mut draining) => {
                     self.monitor.cancel();
-                    self.settle(Ending::Released).await;
+                    self.record_ending(Ending::Released).await;
                     return Threads::Occupied;
                 }
             }
@@ -205,7 +210,7 @@ impl UnderWay<'_> {
     }
 
     /// Somebody else has the job now.
-    fn lose(&mut self) {
+    fn on_lease_lost(&mut self) {
         if std::mem::replace(&mut self.settled, true) {
             return;
         }
@@ -215,23 +220,23 @@ impl UnderWay<'_> {
     }
 
     /// The work is left behind, since nothing is heard of it.
-    async fn stall(&mut self) {
+    async fn on_stalled(&mut self) {
         tracing::error!("job stalled");
         self.monitor.cancel();
-        let (silent, stage) = (self.monitor.silence().as_secs_f64(), stage_words(self.monitor));
+        let (silent, stage) = (self.monitor.since_last_activity().as_secs_f64(), stage_words(self.monitor));
         let detail = format!("no heartbeat for {silent:.1} s{stage}");
-        self.settle(Ending::Failed(JobProblem { kind: "worker-stalled".to_owned(), detail }, true)).await;
+        self.record_ending(Ending::Failed(JobProblem { kind: "worker-stalled".to_owned(), detail }, true)).await;
     }
 
     /// Writes down how the attempt ended, unless something is written down already.
-    async fn settle(&mut self, ending: Ending) {
+    async fn record_ending(&mut self, ending: Ending) {
         if !std::mem::replace(&mut self.settled, true) {
-            settle(self.shared, &self.job.kind, ending, self.token).await;
+            record_ending(self.shared, &self.job.kind, ending, self.token).await;
         }
     }
 
     /// Writes down what the work came to.
-    async fn conclude(&self, returned: Returned) {
+    async fn record_outcome(&self, returned: Returned) {
         let Self { shared, token, monitor, .. } = *self;
         let kind = self.job.kind.as_str();
         let ending = match returned {
@@ -253,7 +258,7 @@ impl UnderWay<'_> {
                 Ending::Failed(JobProblem { kind: "worker-panicked".to_owned(), detail }, true)
             }
         };
-        settle(shared, kind, ending, token).await;
+        record_ending(shared, kind, ending, token).await;
     }
 
     /// Gives the job back with the parts that it waits for from now on.
@@ -261,14 +266,15 @@ impl UnderWay<'_> {
         let Self { shared, job, token, .. } = *self;
         let new = match divided::part_jobs(shared, job, self.size, division).await {
             Ok(new) => new,
-            Err(problem) => return settle(shared, &job.kind, Ending::Failed(problem, false), token).await,
+            Err(problem) => return record_ending(shared, &job.kind, Ending::Failed(problem, false), token).await,
         };
         match shared.store.divide(token, new).await {
             Ok(DivideAnswer::Divided(_)) => tracing::info!(parts = division.parts, "job divided"),
             Ok(DivideAnswer::Canceled) => shared.observer.finished(&job.kind, JobStatus::Canceled),
             Ok(DivideAnswer::Lost) => shared.observer.lease_lost(&job.kind),
             Err(error) => {
-                settle(shared, &job.kind, Ending::Failed(problem("storage-unavailable", &error), true), token).await;
+                record_ending(shared, &job.kind, Ending::Failed(problem("storage-unavailable", &error), true), token)
+                    .await;
             }
         }
     }
@@ -293,7 +299,7 @@ async fn load_subject(
             Err(error @ StoreError::Refused { .. }) => {
                 tracing::error!(%error, "reading the input of the job is forbidden; this process takes no jobs until it is allowed");
                 shared.note_refusal();
-                settle(shared, &job.kind, Ending::Released, token).await;
+                record_ending(shared, &job.kind, Ending::Released, token).await;
                 return Ok(None);
             }
             loaded => return loaded.map(Some),
@@ -302,15 +308,15 @@ async fn load_subject(
             () = tokio::time::sleep(STORE_PAUSE) => continue,
             Some(verdict) = verdict.recv() => verdict,
             () = signalled(&mut draining) => {
-                settle(shared, &job.kind, Ending::Released, token).await;
+                record_ending(shared, &job.kind, Ending::Released, token).await;
                 return Ok(None);
             }
         };
         match verdict {
             Verdict::Lost => shared.observer.lease_lost(&job.kind),
-            Verdict::Cancel => settle(shared, &job.kind, Ending::Canceled, token).await,
+            Verdict::Cancel => record_ending(shared, &job.kind, Ending::Canceled, token).await,
             // No work has begun that could have stalled.
-            Verdict::Stalled => settle(shared, &job.kind, Ending::Released, token).await,
+            Verdict::Stalled => record_ending(shared, &job.kind, Ending::Released, token).await,
         }
         return Ok(None);
     }
@@ -365,13 +371,13 @@ async fn store_result(shared: &Shared, kind: &str, token: Uuid, monitor: &Attemp
                 }
                 _ => "storage-unavailable",
             };
-            settle(shared, kind, Ending::Failed(problem(name, &error), true), token).await;
+            record_ending(shared, kind, Ending::Failed(problem(name, &error), true), token).await;
         }
     }
 }
 
 /// Writes down how an attempt ended; where the storage refuses for longer than a lease, the reaper will see to it.
-async fn settle(shared: &Shared, kind: &str, ending: Ending, token: Uuid) {
+async fn record_ending(shared: &Shared, kind: &str, ending: Ending, token: Uuid) {
     let deadline = Instant::now() + shared.options.lease;
     match &ending {
         Ending::Failed(problem, _) => {
@@ -487,9 +493,9 @@ impl Heartbeat {
                     _ => continue,
                 },
             }
-            if self.monitor.silence() > options.stall {
+            if self.monitor.since_last_activity() > options.stall {
                 stalled = true;
-                self.tell(Verdict::Stalled).await;
+                self.send_verdict(Verdict::Stalled).await;
             }
             let progress = self.monitor.snapshot();
             let moved = (&progress.stage, progress.fraction, &progress.detail)
@@ -508,13 +514,13 @@ impl Heartbeat {
                     beaten = Instant::now();
                     written = progress;
                     if cancel_requested {
-                        self.tell(Verdict::Cancel).await;
+                        self.send_verdict(Verdict::Cancel).await;
                     }
                 }
                 Ok(HeartbeatAnswer::Lost) => {
                     // Only whether the work still lives is of interest now.
                     held = false;
-                    self.tell(Verdict::Lost).await;
+                    self.send_verdict(Verdict::Lost).await;
                 }
                 Err(error) => {
                     tracing::warn!(%error, "heartbeat refused");
@@ -524,7 +530,7 @@ impl Heartbeat {
         }
     }
 
-    async fn tell(&self, verdict: Verdict) {
+    async fn send_verdict(&self, verdict: Verdict) {
         // The attempt may have ended just now.
         let _ = self.verdicts.send(verdict).await;
     }

@@ -78,7 +78,7 @@ impl AttemptMonitor {
     }
 
     /// How long the work has not been heard of.
-    pub fn silence(&self) -> Duration {
+    pub fn since_last_activity(&self) -> Duration {
         let heard = Duration::from_millis(self.heard_ms.load(Ordering::Relaxed));
         self.begun.elapsed().saturating_sub(heard)
     }
@@ -110,10 +110,10 @@ impl AttemptMonitor {
     /// Ends the last stage and begins the storing of the result.
     pub fn begin_storing(&self) {
         self.turn("store");
-        self.hear();
+        self.record_activity();
     }
 
-    fn hear(&self) {
+    fn record_activity(&self) {
         self.heard_ms.store(self.begun.elapsed().as_millis() as u64, Ordering::Relaxed);
     }
 }
@@ -121,25 +121,25 @@ impl AttemptMonitor {
 impl Monitor for AttemptMonitor {
     fn stage(&self, name: &'static str) {
         self.turn(name);
-        self.hear();
+        self.record_activity();
     }
 
     fn progress(&self, fraction: f64) {
         if fraction.is_finite() {
             self.fraction.store(fraction.clamp(0.0, 1.0).to_bits(), Ordering::Relaxed);
         }
-        self.hear();
+        self.record_activity();
     }
 
     fn detail(&self, text: &str) {
         let mut stages = self.stages.lock().unwrap_or_else(PoisonError::into_inner);
         stages.detail = Some(text.chars().take(LONGEST_DETAIL).collect());
         drop(stages);
-        self.hear();
+        self.record_activity();
     }
 
     fn checkpoint(&self) -> Result<(), Cancelled> {
-        self.hear();
+        self.record_activity();
         self.faults.reach(FailPoint::MidRun);
         if self.cancelled.load(Ordering::Relaxed) { Err(Cancelled) } else { Ok(()) }
     }
@@ -156,6 +156,6 @@ impl Watch for AttemptMonitor {
 
     fn stage_named(&self, name: &str) {
         self.turn(&name.chars().take(LONGEST_STAGE).collect::<String>());
-        self.hear();
+        self.record_activity();
     }
 }

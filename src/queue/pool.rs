@@ -195,8 +195,8 @@ fn give_way() {
 }
 
 /// Jobs that wait for their parts hear of them, and parts that nobody needs go.
-async fn tend_parts(shared: &Shared) {
-    match shared.store.tend_parts().await {
+async fn maintain_parts(shared: &Shared) {
+    match shared.store.maintain_parts().await {
         Ok(ended) => ended.iter().for_each(|job| shared.observer.finished(&job.kind, job.status)),
         Err(error) => tracing::warn!(%error, "could not check on the parts of jobs"),
     }
@@ -211,7 +211,7 @@ async fn reap(shared: Arc<Shared>) {
             _ = every.tick() => false,
             () = shared.store.parts().notified() => true,
         };
-        tend_parts(&shared).await;
+        maintain_parts(&shared).await;
         if told {
             continue;
         }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use chladni_base::{Monitor, trim};
 use chladni_mesh::{TetMesh, TriangleMesh};
-use chladni_spectral::analysis::map_collection::Shape;
+use chladni_spectral::analysis::map_collection::CollectionShape;
 use chladni_spectral::basis::{PARTS, StoredPart};
 use chladni_spectral::formats::{FormatError, npz};
 use chladni_spectral::spectrum::hsim::parts::PartError;
@@ -126,7 +126,8 @@ impl Runner for Solver {
         let JobParameters::MapCollection(parameters) = parameters(job)? else {
             return Err(misplaced(job, "one mesh"));
         };
-        let all: Vec<Shape<'_>> = shapes.iter().map(|shape| Shape { basis: &shape.basis, mesh: &shape.mesh }).collect();
+        let all: Vec<CollectionShape<'_>> =
+            shapes.iter().map(|shape| CollectionShape { basis: &shape.basis, mesh: &shape.mesh }).collect();
         let mut product = parameters.run_shapes(&all, monitor).map_err(failure)?.product;
         let bases: Vec<String> = shapes.iter().map(|shape| shape.id.to_string()).collect();
         let meshes: Vec<&str> = shapes.iter().map(|shape| shape.mesh_id.as_str()).collect();

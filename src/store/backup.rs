@@ -18,7 +18,7 @@ use sqlx::{
 use super::{
     StoreError,
     blobs::{CHUNK_BYTES, CHUNKS_PER_READ, PAGE_BYTES},
-    folder::{DataFolder, sync_folder, there},
+    folder::{DataFolder, require_file, sync_folder},
     migrations,
 };
 
@@ -55,7 +55,7 @@ pub struct BackupReport {
 /// same folder, or a server on it; [`StoreError::Mismatch`] where it holds the backup of another data folder.
 pub async fn backup(data: &Path, target: &Path) -> Result<BackupReport, StoreError> {
     for name in [RECORDS, CONTENT] {
-        there(&data.join(name))?;
+        require_file(&data.join(name))?;
     }
     let folder = DataFolder::open(target)?;
     if std::fs::canonicalize(data).ok() == std::fs::canonicalize(target).ok() {

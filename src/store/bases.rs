@@ -20,7 +20,7 @@ use super::{
     fields::{self, Of},
     from_json, job_bases,
     jobs::{self, job_from_row, uuid_column},
-    page::Listing,
+    pagination::Listing,
     piece_writer::PieceWriter,
     sql::{self, Query, Row},
     to_json,

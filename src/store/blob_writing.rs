@@ -273,7 +273,7 @@ impl Store {
         if objects.make_ready_at_once(sealed, hash).await? {
             return Ok(());
         }
-        let damaged = match objects.place(hash).await? {
+        let damaged = match objects.locate(hash).await? {
             Some(place) if place.id != sealed.id && self.is_damaged(hash).await? => Some(place.id),
             _ => None,
         };

@@ -56,7 +56,7 @@ impl Blobs {
         match self {
             Self::Chunks(_) => Ok(()),
             #[cfg(feature = "cluster")]
-            Self::Objects(objects) => objects.reach().await,
+            Self::Objects(objects) => objects.check_pairing().await,
         }
     }
 }
@@ -191,7 +191,7 @@ impl Store {
                     }
                 }
                 #[cfg(feature = "cluster")]
-                Blobs::Objects(objects) => objects.place(hash).await?.ok_or_else(unknown)?,
+                Blobs::Objects(objects) => objects.locate(hash).await?.ok_or_else(unknown)?,
             };
             if place.chunk_bytes == 0 {
                 Err(self.inner.known.damage(hash, "its chunks have no size"))

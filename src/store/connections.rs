@@ -28,25 +28,25 @@ const SILENCE: Duration = Duration::from_secs(3);
 const KNOWN: Duration = Duration::from_millis(500);
 
 /// When a database was asked, and why it could not be connected to, if so.
-type Asked = Option<(Instant, Option<String>)>;
+type ConnectionAttempt = Option<(Instant, Option<String>)>;
 
 /// Connections of a pool, and those of them that are at hand; cheap to clone.
 #[derive(Clone)]
 pub(super) struct Connections {
     pool: PgPool,
-    kept: Arc<Mutex<Kept>>,
+    idle: Arc<Mutex<IdleConnections>>,
     /// Who waits for the pool: then nothing is kept from it.
     waiting: Arc<AtomicUsize>,
     /// When it was last asked whether the database is there, and why it is not, if so.
-    asked: Arc<tokio::sync::Mutex<Asked>>,
+    asked: Arc<tokio::sync::Mutex<ConnectionAttempt>>,
     fullness: Arc<Fullness>,
 }
 
 /// Connections and when each was used.
 #[derive(Default)]
-struct Kept(Vec<(PoolConnection<Postgres>, Instant)>);
+struct IdleConnections(Vec<(PoolConnection<Postgres>, Instant)>);
 
-impl Drop for Kept {
+impl Drop for IdleConnections {
     /// The pool would take them back in a task, which there may be nothing to run any more.
     fn drop(&mut self) {
         self.0.drain(..).for_each(|(connection, _)| drop(connection.detach()));
@@ -71,7 +71,7 @@ impl Drop for Waiting<'_> {
 
 impl Connections {
     pub fn new(pool: PgPool) -> Self {
-        Self { pool, kept: Arc::default(), waiting: Arc::default(), asked: Arc::default(), fullness: Arc::default() }
+        Self { pool, idle: Arc::default(), waiting: Arc::default(), asked: Arc::default(), fullness: Arc::default() }
     }
 
     /// Whether the database has room.
@@ -86,7 +86,7 @@ impl Connections {
             && let Some((when, Some(why))) = &*asked
             && when.elapsed() < KNOWN
         {
-            return Err(away(why));
+            return Err(database_unavailable(why));
         }
         let mut acquired = std::pin::pin!(self.pool.acquire());
         loop {
@@ -94,7 +94,7 @@ impl Connections {
                 Ok(acquired) => return acquired,
                 Err(_) => {
                     if let Some(why) = self.absence().await {
-                        return Err(away(&why));
+                        return Err(database_unavailable(&why));
                     }
                 }
             }
@@ -127,7 +127,7 @@ impl Connections {
     }
 
     fn at_hand(&self) -> Option<(PoolConnection<Postgres>, Instant)> {
-        self.kept.lock().unwrap_or_else(PoisonError::into_inner).0.pop()
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner).0.pop()
     }
 
     /// A connection that lives, as far as is known.
@@ -150,7 +150,7 @@ impl Connections {
 
     /// Keeps a connection at hand whose last statement has ended.
     pub fn keep(&self, connection: PoolConnection<Postgres>) {
-        self.kept.lock().unwrap_or_else(PoisonError::into_inner).0.push((connection, Instant::now()));
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner).0.push((connection, Instant::now()));
         if self.waiting.load(Ordering::SeqCst) > 0 || self.pool.is_closed() {
             drop(self.at_hand());
         }
@@ -183,12 +183,12 @@ impl Connections {
     pub async fn close(&self) {
         // It is closed from here on, and what is kept later comes back to it at once.
         let closed = self.pool.close();
-        self.kept.lock().unwrap_or_else(PoisonError::into_inner).0.clear();
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner).0.clear();
         closed.await;
     }
 }
 
 /// That the database is away.
-fn away(why: &str) -> sqlx::Error {
+fn database_unavailable(why: &str) -> sqlx::Error {
     sqlx::Error::Io(std::io::Error::new(std::io::ErrorKind::NotConnected, format!("no connection: {why}")))
 }

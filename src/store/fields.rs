@@ -10,7 +10,7 @@ use super::catalog::Transaction;
 use super::sources::{ID_DIGITS, SourceKind};
 use super::{
     FieldFilter, FieldRecord, NewField, Page, PageRequest, Store, StoreError, Stored, blobs, detached, from_json,
-    page::Listing,
+    pagination::Listing,
     sql::{self, Row},
     to_json,
 };

@@ -86,7 +86,7 @@ fn lock(folder: &Path, name: &str, create: bool) -> Result<File, StoreError> {
 }
 
 /// Refuses a path where no file is, or an empty one.
-pub(super) fn there(path: &Path) -> Result<(), StoreError> {
+pub(super) fn require_file(path: &Path) -> Result<(), StoreError> {
     let missing = |source| StoreError::Folder { path: path.display().to_string(), source };
     let file = std::fs::metadata(path).map_err(missing)?;
     if file.len() == 0 {

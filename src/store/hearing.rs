@@ -72,7 +72,7 @@ impl Hearing {
     pub fn start(store: Weak<Inner>, work_alone: bool) -> Self {
         let (told, telling) = mpsc::unbounded_channel();
         let mut tasks = vec![
-            tokio::spawn(tell(store.clone(), telling)),
+            tokio::spawn(forward_events(store.clone(), telling)),
             tokio::spawn(listen(store.clone())),
             tokio::spawn(look(store.clone(), work_alone)),
         ];
@@ -140,7 +140,7 @@ impl Hearing {
     }
 
     /// Tells the other processes of a change of this one.
-    pub fn tell(&self, event: &JobEvent) {
+    pub fn publish(&self, event: &JobEvent) {
         self.is_news(event);
         // All else is looked for by those who want to know.
         if event.status == JobStatus::Enqueued || event.cancel_requested {
@@ -154,7 +154,7 @@ impl Hearing {
     }
 }
 
-async fn tell(store: Weak<Inner>, mut telling: mpsc::UnboundedReceiver<JobEvent>) {
+async fn forward_events(store: Weak<Inner>, mut telling: mpsc::UnboundedReceiver<JobEvent>) {
     let (mut events, mut pause) = (Vec::new(), BETWEEN_MESSAGES);
     loop {
         let waits = Instant::now();
@@ -207,7 +207,7 @@ async fn listen_once(store: &Weak<Inner>) -> Result<(), StoreError> {
     while let Some(notification) = listener.try_recv().await? {
         let Some(inner) = store.upgrade() else { return Ok(()) };
         let store = Store { inner };
-        notification.payload().lines().filter_map(read).for_each(|event| store.hear(event));
+        notification.payload().lines().filter_map(read).for_each(|event| store.deliver_event(event));
     }
     Ok(())
 }
@@ -242,7 +242,7 @@ async fn look_at_watched(store: Weak<Inner>) {
 
 impl Store {
     /// Tells listeners of this process of a change that another one made.
-    fn hear(&self, event: JobEvent) {
+    fn deliver_event(&self, event: JobEvent) {
         let Some(hearing) = self.inner.hearing.get() else { return self.tell_here(event, true) };
         if hearing.is_news(&event) {
             let called = hearing.is_called(event.job);
@@ -271,7 +271,7 @@ impl Store {
     async fn hear_of(&self, query: sql::Query) -> Result<(), StoreError> {
         let rows = query.fetch_all(self.inner.catalog.reader()).await?;
         for row in &rows {
-            self.hear(JobEvent {
+            self.deliver_event(JobEvent {
                 job: jobs::uuid_column(row, "id")?,
                 revision: row.try_get("revision")?,
                 status: jobs::status_column(row)?,

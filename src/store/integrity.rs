@@ -30,12 +30,12 @@ const LOOK_AHEAD: u64 = 64 << 20;
 
 /// What is known of blobs, by their hashes.
 #[derive(Debug, Default)]
-pub(super) struct Known {
+pub(super) struct KnownBlobs {
     damaged: Mutex<HashSet<String>>,
     verified: Mutex<HashMap<String, Instant>>,
 }
 
-impl Known {
+impl KnownBlobs {
     /// Notes that a blob is damaged, and gives the error that says so.
     pub fn damage(&self, hash: &str, how: &str) -> StoreError {
         let mut damaged = self.damaged.lock().unwrap_or_else(PoisonError::into_inner);

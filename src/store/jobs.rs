@@ -10,7 +10,7 @@ use super::{
     fault::FailPoint,
     fields::{self, Of},
     fleet, from_json, job_bases,
-    page::Listing,
+    pagination::Listing,
     parts::{self, PARTS_HAVE_ENDED},
     sources::SourceKind,
     sql::{self, Row},

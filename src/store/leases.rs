@@ -370,7 +370,7 @@ impl Store {
     pub async fn reap(&self) -> Result<Vec<Reaped>, StoreError> {
         let reaped = self.reap_leases(self.now_ms()).await?;
         // What was reaped is to be heard of, whatever becomes of the rest.
-        if let Err(error) = self.tend().await {
+        if let Err(error) = self.maintain().await {
             tracing::warn!(%error, "periodic maintenance failed");
         }
         Ok(reaped)

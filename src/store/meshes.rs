@@ -8,7 +8,7 @@ use super::{
     JobRecord, MeshRecord, NewMesh, Page, PageRequest, Store, StoreError, Stored, Weighed, blobs, detached, from_json,
     job_bases,
     jobs::{self, job_from_row},
-    page::Listing,
+    pagination::Listing,
     sql::{self, Row},
 };
 use bytes::Bytes;

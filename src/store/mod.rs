@@ -71,7 +71,7 @@ mod object_identity;
 #[cfg(feature = "cluster")]
 mod objects;
 mod orphans;
-mod page;
+mod pagination;
 mod pairing;
 mod part_source;
 mod parts;
@@ -122,7 +122,7 @@ pub use fleet::Worker;
 pub use leases::{CompleteAnswer, FailAnswer, HeartbeatAnswer, Progress, Reaped};
 #[cfg(feature = "cluster")]
 pub use migrate::{Migrated, MigrationError};
-pub use page::{Page, PageRequest};
+pub use pagination::{Page, PageRequest};
 pub use part_source::PartSource;
 pub use parts::{DivideAnswer, MadePart, NewPart, PartRecord};
 pub use records::{
@@ -257,7 +257,7 @@ struct Inner {
     /// When retention was last looked after.
     retained_ms: AtomicI64,
     /// Which blobs were seen to be whole or damaged.
-    known: integrity::Known,
+    known: integrity::KnownBlobs,
     bases: Cache<Uuid, Weighed<Product>, ByWeight>,
     /// Chunks of dense bases, by the hash of the content and the position.
     chunks: Cache<(String, usize), Weighed<Arc<ColumnChunk>>, ByWeight>,
@@ -317,7 +317,7 @@ impl Store {
         postgres.set(&options.clock).await?;
         let objects = objects::Objects::open(&places.objects, postgres.clone())?;
         // One that does not answer yet is waited for when it is needed; one that refuses will go on refusing.
-        match tokio::time::timeout(START_PATIENCE, objects.reach()).await {
+        match tokio::time::timeout(START_PATIENCE, objects.check_pairing()).await {
             Ok(Ok(())) => {}
             Ok(Err(error)) if !error.is_retryable() => return Err(error),
             Ok(Err(error)) => tracing::warn!(%error, "the object store does not answer yet"),
@@ -365,7 +365,7 @@ impl Store {
                 uses: last_use::Uses::default(),
                 reusable_bytes: AtomicU64::new(0),
                 retained_ms: AtomicI64::new(0),
-                known: integrity::Known::default(),
+                known: integrity::KnownBlobs::default(),
                 hits: AtomicU64::new(0),
                 misses: AtomicU64::new(0),
             }),
@@ -434,7 +434,7 @@ impl Store {
 
     /// What is due now and then: forgets old idempotency keys, deletes what is not kept, looks for orphans, gives free
     /// pages back, tells each database of the other.
-    async fn tend(&self) -> Result<(), StoreError> {
+    async fn maintain(&self) -> Result<(), StoreError> {
         self.inner.catalog.set(&self.inner.options.clock).await?;
         self.forget_old_keys().await?;
         self.retain_in_turn().await?;
@@ -462,8 +462,8 @@ impl Store {
         &self.inner.work
     }
 
-    /// Rings where a part has changed, or a job that was divided: then [`tend_parts`](Self::tend_parts) may have
-    /// something to do.
+    /// Rings where a part has changed, or a job that was divided: then [`maintain_parts`](Self::maintain_parts) may
+    /// have something to do.
     pub fn parts(&self) -> &Notify {
         &self.inner.parts
     }
@@ -501,7 +501,7 @@ impl Store {
     fn announce_event(&self, event: JobEvent) {
         #[cfg(feature = "cluster")]
         if let Some(hearing) = self.inner.hearing.get() {
-            hearing.tell(&event);
+            hearing.publish(&event);
         }
         self.tell_here(event, true);
     }

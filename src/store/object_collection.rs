@@ -68,7 +68,7 @@ impl Objects {
             .await?;
         if !rows.is_empty() {
             // Of an object that is missing elsewhere the row would go, and the object stay.
-            self.meet().await?;
+            self.ensure_paired().await?;
         }
         let mut deleted = 0;
         for row in rows {

@@ -35,18 +35,18 @@ pub(super) struct Pair {
     /// The identity of the database, once the two were found to belong together.
     known: OnceLock<String>,
     /// Whether the store is the one that it was when it was last compared.
-    met: AtomicBool,
+    paired: AtomicBool,
 }
 
 impl Pair {
     /// The store has not answered: what answers next may be another one.
-    pub fn part(&self) {
-        self.met.store(false, Ordering::Relaxed);
+    pub fn forget(&self) {
+        self.paired.store(false, Ordering::Relaxed);
     }
 
-    fn meet(&self, identity: &str) {
+    fn confirm(&self, identity: &str) {
         let _known = self.known.set(identity.to_owned());
-        self.met.store(true, Ordering::Relaxed);
+        self.paired.store(true, Ordering::Relaxed);
     }
 }
 
@@ -56,8 +56,8 @@ impl Objects {
     ///
     /// # Errors
     /// [`StoreError::Refused`] where they do not belong together.
-    pub async fn meet(&self) -> Result<(), StoreError> {
-        if self.pair.met.load(Ordering::Relaxed) { Ok(()) } else { Box::pin(self.reach()).await }
+    pub async fn ensure_paired(&self) -> Result<(), StoreError> {
+        if self.pair.paired.load(Ordering::Relaxed) { Ok(()) } else { Box::pin(self.check_pairing()).await }
     }
 
     /// Asks the store for its identity, and compares it.
@@ -65,14 +65,14 @@ impl Objects {
     /// # Errors
     /// [`StoreError::Refused`] where it lets nobody in, or does not belong to the database;
     /// [`StoreError::Unavailable`] where it does not answer.
-    pub async fn reach(&self) -> Result<(), StoreError> {
+    pub async fn check_pairing(&self) -> Result<(), StoreError> {
         let placed = self.placed_identity().await?;
         match (self.pair.known.get(), placed) {
-            (Some(own), Some(placed)) if *own == placed => self.pair.meet(own),
+            (Some(own), Some(placed)) if *own == placed => self.pair.confirm(own),
             (_, placed) => {
-                self.pair.part();
+                self.pair.forget();
                 let own = self.compare(placed).await?;
-                self.pair.meet(&own);
+                self.pair.confirm(&own);
             }
         }
         Ok(())
@@ -87,7 +87,7 @@ impl Objects {
             // Who may not list a bucket is told that it may not see an object that is not there.
             Err(error) if said(&error).contains("AccessDenied") => Ok(None),
             Err(error) => {
-                self.pair.part();
+                self.pair.forget();
                 Err(failure(&error))
             }
         }
@@ -105,18 +105,18 @@ impl Objects {
                     self.note_placed().await?;
                     return Ok(own);
                 }
-                (Some((own, _)), Some(placed)) => return Err(self.stranger(Some(&own), Some(placed))),
+                (Some((own, _)), Some(placed)) => return Err(self.pairing_error(Some(&own), Some(placed))),
                 (Some((own, true)), None) => {
                     // Only the object of the identity may have been deleted.
                     if self.newest_are_there().await? != Some(true) {
-                        return Err(self.stranger(Some(&own), None));
+                        return Err(self.pairing_error(Some(&own), None));
                     }
                     self.write_identity(&own).await?;
                     return Ok(own);
                 }
                 (Some((own, false)), None) => {
                     if self.newest_are_there().await? == Some(false) {
-                        return Err(self.stranger(None, None));
+                        return Err(self.pairing_error(None, None));
                     }
                     self.place_first(&own).await?;
                     placed = self.placed_identity().await?;
@@ -125,9 +125,9 @@ impl Objects {
                 (None, Some(placed)) if self.newest_are_there().await? == Some(true) => {
                     self.adopt(placed, true).await?;
                 }
-                (None, Some(placed)) => return Err(self.stranger(None, Some(placed))),
+                (None, Some(placed)) => return Err(self.pairing_error(None, Some(placed))),
                 (None, None) if self.newest_are_there().await? == Some(false) => {
-                    return Err(self.stranger(None, None));
+                    return Err(self.pairing_error(None, None));
                 }
                 (None, None) => self.adopt(&Uuid::now_v7().to_string(), false).await?,
             }
@@ -191,7 +191,7 @@ impl Objects {
     }
 
     /// Why the two are not used together.
-    fn stranger(&self, own: Option<&str>, placed: Option<&str>) -> StoreError {
+    fn pairing_error(&self, own: Option<&str>, placed: Option<&str>) -> StoreError {
         let how = match (own, placed) {
             (Some(own), Some(placed)) => {
                 format!("the one has the identity {own}, the other {placed}; look at --database and --objects")

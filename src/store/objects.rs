@@ -133,7 +133,7 @@ impl Objects {
         file_name: &str,
     ) -> Result<Option<String>, StoreError> {
         let Some((signer, prefix)) = &self.signer else { return Ok(None) };
-        self.meet().await?;
+        self.ensure_paired().await?;
         let path = self.path(place.id).await?;
         let path = if prefix.is_empty() { path } else { Path::from(format!("{prefix}/{path}")) };
         let disposition = format!("attachment; filename=\"{file_name}\"");
@@ -149,7 +149,7 @@ impl Objects {
     }
 
     /// Where ready content lies.
-    pub async fn place(&self, hash: &str) -> Result<Option<BlobPlace>, StoreError> {
+    pub async fn locate(&self, hash: &str) -> Result<Option<BlobPlace>, StoreError> {
         let row = sql::query("SELECT id, bytes, chunk_bytes FROM blobs WHERE hash = ?1 AND state = 'ready'")
             .bind(hash)
             .fetch_optional(self.records.on())
@@ -205,7 +205,7 @@ impl Objects {
         hashes: &'a [u8],
     ) -> BoxFuture<'a, Result<Result<Bytes, String>, StoreError>> {
         Box::pin(async move {
-            self.meet().await?;
+            self.ensure_paired().await?;
             let bytes = match self.store.get_range(path, range.clone()).await {
                 Ok(bytes) => bytes,
                 Err(error) if is_missing(&error) => return Ok(Err("is missing".to_owned())),
@@ -227,7 +227,7 @@ impl Objects {
 
     /// The hash of an object and its bytes, read from beginning to end.
     pub async fn hash(&self, id: i64) -> Result<(String, u64), StoreError> {
-        self.meet().await?;
+        self.ensure_paired().await?;
         let path = self.path(id).await?;
         let missing = |error: object_store::Error| match is_missing(&error) {
             true => StoreError::Corrupt { detail: "its object is missing".to_owned() },
@@ -250,7 +250,7 @@ impl Objects {
 
     /// Whether an object is there and has so many bytes. The store has verified each of its parts when it took them.
     pub async fn is_there(&self, place: BlobPlace) -> Result<bool, StoreError> {
-        self.meet().await?;
+        self.ensure_paired().await?;
         match self.store.head(&self.path(place.id).await?).await {
             Ok(found) => Ok(found.size == place.bytes),
             Err(error) if is_missing(&error) => Ok(false),
@@ -286,7 +286,7 @@ impl Objects {
         now_ms: i64,
         even_if_ready: bool,
     ) -> Result<Option<Upload>, StoreError> {
-        self.meet().await?;
+        self.ensure_paired().await?;
         let object = format!("b/{}", Uuid::now_v7());
         let id = sql::query_scalar(
             "INSERT INTO blobs (hash, bytes, chunk_bytes, state, created_ms, touched_ms, object)
@@ -541,7 +541,7 @@ impl Objects {
     fn failed(&self, error: &object_store::Error) -> StoreError {
         let failed = failure(error);
         if matches!(failed, StoreError::Unavailable { .. }) {
-            self.pair.part();
+            self.pair.forget();
         }
         failed
     }

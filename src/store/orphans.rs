@@ -30,7 +30,7 @@ pub(super) struct Look {
 
 impl Look {
     /// Says what it came to, with the bytes that were condemned where they are known.
-    fn tell(self, bytes: Option<i64>) {
+    fn log(self, bytes: Option<i64>) {
         if self.condemned > 0 {
             tracing::warn!(
                 blobs = self.condemned,
@@ -83,7 +83,7 @@ impl Store {
             #[cfg(feature = "cluster")]
             Blobs::Objects(objects) => {
                 let look = objects.look(now_ms).await?;
-                look.tell(None);
+                look.log(None);
                 return Ok(look);
             }
         };
@@ -127,7 +127,7 @@ impl Store {
                 .await?;
             transaction.commit().await?;
         }
-        look.tell(Some(bytes));
+        look.log(Some(bytes));
         Ok(look)
     }
 }

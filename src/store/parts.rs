@@ -3,8 +3,8 @@
 //!
 //! Who claims a job that asks to be divided gives it back with its parts, in one transaction ([`Store::divide`]). From
 //! then on nothing has to be remembered: a claim passes over a job of which a part waits or runs, and what is due
-//! beyond that ([`Store::tend_parts`]) follows from the records as they are. It is done soon after a part or a divided
-//! job has changed, and by every process now and then, so that no death of one leaves anything undone.
+//! beyond that ([`Store::maintain_parts`]) follows from the records as they are. It is done soon after a part or a
+//! divided job has changed, and by every process now and then, so that no death of one leaves anything undone.
 
 use std::num::NonZeroUsize;
 
@@ -254,10 +254,10 @@ impl Store {
     ///
     /// # Errors
     /// [`StoreError::Busy`] and its kin.
-    pub async fn tend_parts(&self) -> Result<Vec<JobRecord>, StoreError> {
+    pub async fn maintain_parts(&self) -> Result<Vec<JobRecord>, StoreError> {
         let store = self.clone();
         detached(async move {
-            let ended = store.tend_divided().await?;
+            let ended = store.maintain_divided().await?;
             store.let_go().await?;
             store.collect_parts().await?;
             Ok(ended)
@@ -266,7 +266,7 @@ impl Store {
     }
 
     /// Jobs that wait for their parts hear of them.
-    async fn tend_divided(&self) -> Result<Vec<JobRecord>, StoreError> {
+    async fn maintain_divided(&self) -> Result<Vec<JobRecord>, StoreError> {
         let rows = sql::query(
             "SELECT job_parts.job AS job, MIN(parents.parts) AS parts,
                 CAST(SUM(CASE WHEN pieces.status = 'succeeded' AND pieces.basis IS NOT NULL THEN 1 ELSE 0 END) AS BIGINT) AS done,

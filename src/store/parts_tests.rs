@@ -82,13 +82,13 @@ pub(super) async fn a_job_waits_for_its_parts_without_a_worker() {
     let mut events = store.watch_jobs();
     for done in 1..=3 {
         assert_eq!(solve_one(&store).await, parts[done - 1].job);
-        store.tend_parts().await.unwrap();
+        store.maintain_parts().await.unwrap();
         let words = format!("{done} of 3 parts done");
         let expected = (JobStatus::Enqueued, Some(done as f64 / 3.0), Some(words), done as u32);
         assert_eq!(progress(&store, job).await, expected);
         // Nothing more to tell.
         let revision = store.job(job).await.unwrap().revision;
-        store.tend_parts().await.unwrap();
+        store.maintain_parts().await.unwrap();
         assert_eq!(store.job(job).await.unwrap().revision, revision);
     }
     let mut heard = 0;
@@ -108,7 +108,7 @@ pub(super) async fn a_job_waits_for_its_parts_without_a_worker() {
     });
     assert_eq!(read.await.unwrap(), (3, made(2, 4).content().to_vec()));
     assert!(matches!(store.complete(claim.token, basis(1.0, 40), vec![]).await.unwrap(), CompleteAnswer::Stored(_)));
-    store.tend_parts().await.unwrap();
+    store.maintain_parts().await.unwrap();
     assert_eq!(parts_left(&store).await, (0, 0));
     assert_eq!(store.pieces_of_content().await, content + 1);
     let ended = store.job(job).await.unwrap();
@@ -129,21 +129,21 @@ pub(super) async fn equal_parts_are_solved_once_and_stay_while_a_job_needs_them(
     assert_eq!(of_one, of_two);
     // Whoever is in more of a hurry moves the part that both wait for.
     assert_eq!(store.job(of_one[1].job).await.unwrap().priority, 5);
-    store.tend_parts().await.unwrap();
+    store.maintain_parts().await.unwrap();
     assert_eq!(progress(&store, two).await.3, 1);
     store.cancel_job(two).await.unwrap();
-    store.tend_parts().await.unwrap();
+    store.maintain_parts().await.unwrap();
     assert_eq!(parts_left(&store).await, (2, 2));
     let running = store.claim("w", &[], LEASE).await.unwrap().unwrap();
     assert_eq!(running.job.id, of_one[1].job);
     store.cancel_job(one).await.unwrap();
-    store.tend_parts().await.unwrap();
+    store.maintain_parts().await.unwrap();
     // The one that is done is gone, the other is asked to stop.
     assert_eq!(parts_left(&store).await, (1, 0));
     let answer = store.heartbeat(running.token, None, LEASE).await.unwrap();
     assert_eq!(answer, HeartbeatAnswer::Held { cancel_requested: true });
     assert_eq!(store.complete(running.token, made(1, 2), vec![]).await.unwrap(), CompleteAnswer::Canceled);
-    store.tend_parts().await.unwrap();
+    store.maintain_parts().await.unwrap();
     assert_eq!(parts_left(&store).await, (0, 0));
 }
 
@@ -157,7 +157,7 @@ pub(super) async fn a_part_that_is_given_up_ends_its_job_and_a_retry_finds_the_o
     let second = store.claim("w", &[], LEASE).await.unwrap().unwrap();
     let third = store.claim("w", &[], LEASE).await.unwrap().unwrap();
     assert_eq!(store.fail(second.token, &problem(), false).await.unwrap(), FailAnswer::Finished(JobStatus::Failed));
-    let ended = store.tend_parts().await.unwrap();
+    let ended = store.maintain_parts().await.unwrap();
     assert_eq!(ended.iter().map(|ended| ended.id).collect::<Vec<_>>(), [job]);
     let failed = store.job(job).await.unwrap();
     let reason = JobProblem { kind: "trouble".to_owned(), detail: "part 2 of 4: something broke".to_owned() };
@@ -166,10 +166,10 @@ pub(super) async fn a_part_that_is_given_up_ends_its_job_and_a_retry_finds_the_o
     assert_eq!(store.claim("w", &[], LEASE).await.unwrap(), None);
     assert!(store.job(third.job.id).await.unwrap().cancel_requested);
     assert!(store.finish_canceled(third.token).await.unwrap());
-    store.tend_parts().await.unwrap();
+    store.maintain_parts().await.unwrap();
     let again = store.retry_job(job).await.unwrap();
     assert_eq!((again.status, again.parts), (JobStatus::Enqueued, 4));
-    store.tend_parts().await.unwrap();
+    store.maintain_parts().await.unwrap();
     divided(&store, job, "a", 4).await;
     let parts = store.parts_of(job).await.unwrap();
     assert_eq!(parts[0].job, first);
@@ -181,7 +181,7 @@ pub(super) async fn a_part_that_is_given_up_ends_its_job_and_a_retry_finds_the_o
     assert_eq!((claim.job.id, claim.job.parts_done), (job, 4));
     // An attempt at the join that fails leaves the parts to the next.
     store.fail(claim.token, &problem(), false).await.unwrap();
-    store.tend_parts().await.unwrap();
+    store.maintain_parts().await.unwrap();
     store.retry_job(job).await.unwrap();
     let claim = store.claim("w", &[], LEASE).await.unwrap().unwrap();
     assert_eq!((claim.job.id, claim.job.parts_done), (job, 4));
@@ -204,7 +204,7 @@ pub(super) async fn parts_go_with_their_job_and_what_they_made_with_them() {
         if work == "failed" {
             let claim = store.claim("w", &[], LEASE).await.unwrap().unwrap();
             store.fail(claim.token, &problem(), false).await.unwrap();
-            store.tend_parts().await.unwrap();
+            store.maintain_parts().await.unwrap();
         } else {
             solve_one(&store).await;
             store.cancel_job(job).await.unwrap();
@@ -214,13 +214,13 @@ pub(super) async fn parts_go_with_their_job_and_what_they_made_with_them() {
     store.delete_job(jobs[2], false).await.unwrap();
     // Equal content is kept once.
     assert_eq!(store.pieces_of_content().await, content + 2);
-    store.tend_parts().await.unwrap();
+    store.maintain_parts().await.unwrap();
     assert_eq!(parts_left(&store).await, (2, 2));
     assert_eq!(store.pieces_of_content().await, content + 1);
     // A mesh goes without being asked to take them along.
     assert!(matches!(store.retain(&Retention { bases: Some(0), ..Retention::default() }).await.unwrap().bases, 0));
     hands.fetch_add(3601 * 1000, Ordering::Relaxed);
-    store.tend_parts().await.unwrap();
+    store.maintain_parts().await.unwrap();
     assert_eq!(parts_left(&store).await, (0, 0));
     assert_eq!(store.pieces_of_content().await, content);
     // With their mesh.
@@ -228,7 +228,7 @@ pub(super) async fn parts_go_with_their_job_and_what_they_made_with_them() {
     divided(&store, job, "mesh", 2).await;
     solve_one(&store).await;
     store.delete_mesh(&mesh_id, true).await.unwrap();
-    store.tend_parts().await.unwrap();
+    store.maintain_parts().await.unwrap();
     assert_eq!((parts_left(&store).await, store.job(job).await.unwrap().status), ((0, 0), JobStatus::Canceled));
     assert_eq!(store.pieces_of_content().await, 0);
 }
@@ -316,7 +316,7 @@ pub(super) async fn any_walk_with_parts_ends_and_leaves_nothing_behind() {
                     jobs.push(job);
                 }
                 1..4 => leases.extend(store.claim("w", &[], LEASE).await.unwrap()),
-                4 => store.tend_parts().await.map(drop).unwrap(),
+                4 => store.maintain_parts().await.map(drop).unwrap(),
                 5 if !jobs.is_empty() => {
                     let job = jobs[below(jobs.len() as u64) as usize];
                     let _may_be_refused = match below(3) {
@@ -338,7 +338,7 @@ pub(super) async fn any_walk_with_parts_ends_and_leaves_nothing_behind() {
             store.release(claim.token).await.unwrap();
         }
         for turn in 0.. {
-            store.tend_parts().await.unwrap();
+            store.maintain_parts().await.unwrap();
             let Some(claim) = claim_whenever(&store).await else { break };
             work_on(&store, claim).await;
             assert!(turn < 100);
@@ -348,7 +348,7 @@ pub(super) async fn any_walk_with_parts_ends_and_leaves_nothing_behind() {
             assert!(record.status.is_finished(), "{record:?}");
             let _deleted_before = store.delete_job(job, true).await;
         }
-        store.tend_parts().await.unwrap();
+        store.maintain_parts().await.unwrap();
         assert_eq!(parts_left(&store).await, (0, 0));
         assert_eq!(store.pieces_of_content().await, content);
     }

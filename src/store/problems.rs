@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::page::Listing;
+use super::pagination::Listing;
 use super::sources::{NewSource, SourceKind, problem_bytes, read_matrices};
 use super::sql::{self, Row};
 use super::{NewProblem, Page, PageRequest, ProblemRecord, Store, StoreError, Stored, blobs, detached, from_json};

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::{
     Examination, Store, StoreError, StoreOptions,
     backup::files,
-    folder::{DataFolder, sync_folder, there},
+    folder::{DataFolder, require_file, sync_folder},
 };
 
 /// Where a restored folder is put together.
@@ -19,7 +19,7 @@ const WORKSHOP: &str = "restoring";
 /// [`StoreError::Mismatch`], [`StoreError::Corrupt`] where it is none that can be used.
 pub async fn restore(backup: &Path, data: &Path) -> Result<Examination, StoreError> {
     for file in files(backup) {
-        there(&file)?;
+        require_file(&file)?;
     }
     let folder = DataFolder::open(data)?;
     let workshop = data.join(WORKSHOP);

@@ -253,11 +253,11 @@ pub(super) async fn completing_twice() {
         let mut upload = objects.begin(&hash, bytes.len() as u64, true, store.now_ms()).await.unwrap();
         objects.write(&mut upload, std::slice::from_ref(&bytes), store.now_ms()).await.unwrap();
         let sealed = objects.seal(&mut upload, bytes.len() as u64).await.unwrap();
-        let ready = objects.place(&hash).await.unwrap();
+        let ready = objects.locate(&hash).await.unwrap();
         assert_eq!(ready.is_some(), equal_content_came_first);
         for _ in 0..2 {
             store.make_ready(objects, &sealed, &hash).await.unwrap();
-            let now = objects.place(&hash).await.unwrap().unwrap();
+            let now = objects.locate(&hash).await.unwrap().unwrap();
             assert_eq!(now, ready.unwrap_or(now));
             assert_eq!(store.blob_bytes(&hash, 0..now.bytes).await.unwrap(), bytes);
         }

@@ -255,31 +255,31 @@ impl QueryBuilder {
 
 /// What a column is found by, in a row of either database.
 #[cfg(feature = "cluster")]
-pub(super) trait Place: ColumnIndex<SqliteRow> + ColumnIndex<PgRow> {}
+pub(super) trait ColumnKey: ColumnIndex<SqliteRow> + ColumnIndex<PgRow> {}
 #[cfg(feature = "cluster")]
-impl<I: ColumnIndex<SqliteRow> + ColumnIndex<PgRow>> Place for I {}
+impl<I: ColumnIndex<SqliteRow> + ColumnIndex<PgRow>> ColumnKey for I {}
 /// What a column is found by.
 #[cfg(not(feature = "cluster"))]
-pub(super) trait Place: ColumnIndex<SqliteRow> {}
+pub(super) trait ColumnKey: ColumnIndex<SqliteRow> {}
 #[cfg(not(feature = "cluster"))]
-impl<I: ColumnIndex<SqliteRow>> Place for I {}
+impl<I: ColumnIndex<SqliteRow>> ColumnKey for I {}
 
 impl Row {
     /// A column, by its name or its place.
-    pub fn try_get<'r, T: Column<'r>, I: Place>(&'r self, column: I) -> Result<T, sqlx::Error> {
+    pub fn try_get<'r, T: Column<'r>, I: ColumnKey>(&'r self, column: I) -> Result<T, sqlx::Error> {
         T::of(self, column)
     }
 }
 
 /// What a column can be read as.
 pub(super) trait Column<'r>: Sized {
-    fn of(row: &'r Row, column: impl Place) -> Result<Self, sqlx::Error>;
+    fn of(row: &'r Row, column: impl ColumnKey) -> Result<Self, sqlx::Error>;
 }
 
 macro_rules! columns {
     ($($type:ty),*) => {$(
         impl<'r> Column<'r> for $type {
-            fn of(row: &'r Row, column: impl Place) -> Result<Self, sqlx::Error> {
+            fn of(row: &'r Row, column: impl ColumnKey) -> Result<Self, sqlx::Error> {
                 match row {
                     Row::Sqlite(row) => sqlx::Row::try_get(row, column),
                     #[cfg(feature = "cluster")]
@@ -293,14 +293,14 @@ macro_rules! columns {
 columns!(i64, Option<i64>, f64, Option<f64>, String, Option<String>, &'r str, Option<&'r str>, Vec<u8>, &'r [u8]);
 
 impl<'r> Column<'r> for i32 {
-    fn of(row: &'r Row, column: impl Place) -> Result<Self, sqlx::Error> {
+    fn of(row: &'r Row, column: impl ColumnKey) -> Result<Self, sqlx::Error> {
         i32::try_from(i64::of(row, column)?).map_err(|error| sqlx::Error::Decode(error.into()))
     }
 }
 
 /// Both databases keep 0 and 1, so that the texts of the statements are the same.
 impl<'r> Column<'r> for bool {
-    fn of(row: &'r Row, column: impl Place) -> Result<Self, sqlx::Error> {
+    fn of(row: &'r Row, column: impl ColumnKey) -> Result<Self, sqlx::Error> {
         Ok(i64::of(row, column)? != 0)
     }
 }

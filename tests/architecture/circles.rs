@@ -57,7 +57,7 @@ const CIRCLES: &[&str] = &[
     // A level is coarsened into the next one.
     "spectral: spectrum::heat: coarsen level",
     // A scout looks for shifts with the space that is then built from them.
-    "spectral: spectrum::hsim: cuts lanczos scout wanted",
+    "spectral: spectrum::hsim: cuts krylov_request lanczos scout",
     "spectral: spectrum::hsim: dense_pairs graded",
     // An iteration plans the shifts that it is carried on by.
     "spectral: spectrum::hsim: iterate kernel segments shifts",

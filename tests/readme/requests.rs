@@ -169,11 +169,12 @@ fn the_lines_of_rust_are_these() -> Result<(), Box<dyn Error>> {
     entries.iter_mut().for_each(|row| row.sort_by_key(|entry| entry.0));
     let (indices, values): (Vec<u32>, Vec<f64>) = entries.into_iter().flatten().unzip();
     // begin
-    use chladni_spectral::spectrum::pencil::{Mass, Parameters, Pencil, Wanted, csr, solve};
+    use chladni_spectral::spectrum::pencil::{Mass, Parameters, Pencil, PencilSelection, csr, solve};
 
     let stiffness = csr(rows, rows, &indptr, &indices, &values)?;
     let pencil = Pencil::new(stiffness, Mass::Identity, &[], &Unwatched)?;
-    let pairs = solve(&pencil, &Parameters { wanted: Wanted::Count(200), ..Parameters::default() }, &Unwatched)?;
+    let parameters = Parameters { selection: PencilSelection::Count(200), ..Parameters::default() };
+    let pairs = solve(&pencil, &parameters, &Unwatched)?;
     // end
     let shown = &blocks("problems.md", "rust")[0];
     let source = include_str!("requests.rs");

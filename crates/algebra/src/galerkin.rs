@@ -69,7 +69,7 @@ pub fn galerkin(
         }
     }
     monitor.checkpoint()?;
-    let lower = |values: fn(&Product) -> &[f64]| {
+    let lower = |values: fn(&GalerkinProduct) -> &[f64]| {
         let rows: Vec<Row> = memberships
             .par_iter()
             .map_init(
@@ -193,7 +193,7 @@ impl Cells {
 }
 
 /// The share of a part of a cell in the lower triangles of the result.
-struct Product {
+struct GalerkinProduct {
     /// Columns of the result, ascending.
     columns: Vec<u32>,
     /// `c × c`, row after row; only the lower triangle is set.
@@ -208,12 +208,12 @@ fn cell_products(
     mass: &MassMatrix,
     cells: &Cells,
     monitor: &dyn Monitor,
-) -> Result<Option<Vec<Product>>, Cancelled> {
+) -> Result<Option<Vec<GalerkinProduct>>, Cancelled> {
     let entries = space.entries().min(MOST_ENTRIES_A_ROW * space.rows());
     let budget = PRODUCTS_PER_ENTRY * entries + (1 << 22);
     let held = std::sync::atomic::AtomicUsize::new(0);
     let spare = Spare::default();
-    let products: Result<Vec<Option<Product>>, Cancelled> = cells
+    let products: Result<Vec<Option<GalerkinProduct>>, Cancelled> = cells
         .parts
         .par_iter()
         .map(|part| {
@@ -313,7 +313,7 @@ impl Workspace {
         }
     }
 
-    fn product(&mut self, space: &SparseMatrix<f32>, stiffness: &SparseMatrix, mass: &MassMatrix) -> Product {
+    fn product(&mut self, space: &SparseMatrix<f32>, stiffness: &SparseMatrix, mass: &MassMatrix) -> GalerkinProduct {
         // Rows padded to whole vectors.
         let c = self.columns.len();
         let width = c.next_multiple_of(8);
@@ -352,7 +352,7 @@ impl Workspace {
             },
         );
         let mut product =
-            Product { columns: self.columns.clone(), stiffness: vec![0.0; c * c], mass: vec![0.0; c * c] };
+            GalerkinProduct { columns: self.columns.clone(), stiffness: vec![0.0; c * c], mass: vec![0.0; c * c] };
         let left = MatRef::from_row_major_slice(&self.block[..self.own * width], self.own, width).subcols(0, c);
         for (right, result) in [(&self.times_stiffness, &mut product.stiffness), (&self.times_mass, &mut product.mass)]
         {

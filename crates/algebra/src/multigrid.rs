@@ -67,7 +67,7 @@ pub struct Multigrid {
     patches: Vec<Patch>,
     /// From what is solved by levels to the matrix itself; none where the matrix itself is.
     pub(crate) finest: Option<Finest>,
-    pub(crate) levels: Vec<Level>,
+    pub(crate) levels: Vec<MultigridLevel>,
     pub(crate) coarsest: Option<Coarsest>,
 }
 
@@ -80,7 +80,7 @@ pub(crate) struct Finest {
 }
 
 #[derive(Debug)]
-pub(crate) struct Level {
+pub(crate) struct MultigridLevel {
     pub(crate) matrix: SparseRows,
     pub(crate) diagonal: Diagonal,
     /// From the next level to this one; none on the last.
@@ -88,7 +88,7 @@ pub(crate) struct Level {
     restriction: OnceLock<SparseRows>,
 }
 
-impl Level {
+impl MultigridLevel {
     /// The transposed prolongation, with as many rows as the next level, made when threads first share a panel.
     fn restriction(&self, prolongation: &SparseRows, rows: usize) -> &SparseRows {
         self.restriction.get_or_init(|| prolongation.transposed(rows))
@@ -156,7 +156,7 @@ impl Multigrid {
         };
         let mut level = (finest_matrix, lumped);
         let mut finest = None;
-        let mut levels: Vec<Level> = Vec::new();
+        let mut levels: Vec<MultigridLevel> = Vec::new();
         for number in 0.. {
             monitor.checkpoint()?;
             let prolongation = prolongation(&level.0);
@@ -170,7 +170,7 @@ impl Multigrid {
                 finest = rows.map(|prolongation| Finest { diagonal, prolongation, restriction: OnceLock::new() });
             } else {
                 let (matrix, diagonal) = (SparseRows::of(&level.0), Diagonal::of(&level.0, &level.1, 0.0));
-                levels.push(Level { matrix, diagonal, prolongation: rows, restriction: OnceLock::new() });
+                levels.push(MultigridLevel { matrix, diagonal, prolongation: rows, restriction: OnceLock::new() });
             }
             if last {
                 break;
@@ -207,7 +207,7 @@ impl Multigrid {
 
     fn workspace_of(&self, rest: Option<Vec<CycleRow>>) -> CycleWorkspace {
         let zeros = |n| vec![[0.0; CYCLE_WIDTH]; n];
-        let buffers = |level: &Level| {
+        let buffers = |level: &MultigridLevel| {
             let n = level.diagonal.mass.len();
             let factors = vec![Factors::default(); n];
             Buffers { right: zeros(n), x: zeros(n), before: zeros(n), factors }

@@ -118,7 +118,7 @@ fn by_columns_on(mut a: DenseMatrix, par: Par) -> Result<Tridiagonal, EigenError
 fn by_panels(mut a: DenseMatrix, done: &dyn Fn(f64) -> Result<(), Cancelled>) -> Result<Tridiagonal, EigenError> {
     let d = a.rows();
     let (mut diagonal, mut off_diagonal, mut tau) = (vec![0.0; d], vec![0.0; d], vec![0.0; d]);
-    let (mut panel, mut product) = (Panel::new(d), Product::new(d));
+    let (mut panel, mut product) = (ReflectorPanel::new(d), SymmetricProduct::new(d));
     for start in (0..d).step_by(PANEL) {
         let end = (start + PANEL).min(d);
         for column in start..end {
@@ -194,14 +194,14 @@ fn dot(x: &[f64], y: &[f64]) -> f64 {
 
 /// The reflectors `V` of a panel and the vectors `W` that make the update `A ← A − V Wᵀ − W Vᵀ`, as one matrix
 /// `[V W V]`: its first two thirds times its last two thirds, transposed.
-struct Panel {
+struct ReflectorPanel {
     d: usize,
     values: Vec<f64>,
     /// Rows of `[W V]`, or products with the columns of `[V W]`.
     factors: [f64; 2 * PANEL],
 }
 
-impl Panel {
+impl ReflectorPanel {
     fn new(d: usize) -> Self {
         Self { d, values: vec![0.0; 3 * PANEL * d], factors: [0.0; 2 * PANEL] }
     }
@@ -257,7 +257,7 @@ impl Panel {
 }
 
 /// Products of what is left of the matrix and a vector.
-struct Product {
+struct SymmetricProduct {
     d: usize,
     /// What each task adds.
     parts: Vec<f64>,
@@ -268,7 +268,7 @@ fn tasks(size: usize) -> usize {
     (size * size / (2 * TASK)).clamp(1, MOST_TASKS)
 }
 
-impl Product {
+impl SymmetricProduct {
     fn new(d: usize) -> Self {
         Self { d, parts: vec![0.0; d * tasks(d)], sum: vec![0.0; d] }
     }

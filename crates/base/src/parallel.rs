@@ -70,7 +70,7 @@ impl<I: IndexedParallelIterator> IndexedParallelIterator for Halved<I> {
     #[inline]
     fn drive<C: Consumer<I::Item>>(self, consumer: C) -> C::Result {
         let length = self.0.len();
-        self.0.with_producer(Whole { length, consumer })
+        self.0.with_producer(TakeAll { length, consumer })
     }
 
     #[inline]
@@ -79,12 +79,12 @@ impl<I: IndexedParallelIterator> IndexedParallelIterator for Halved<I> {
     }
 }
 
-struct Whole<C> {
+struct TakeAll<C> {
     length: usize,
     consumer: C,
 }
 
-impl<T, C: Consumer<T>> ProducerCallback<T> for Whole<C> {
+impl<T, C: Consumer<T>> ProducerCallback<T> for TakeAll<C> {
     type Output = C::Result;
 
     #[inline]

@@ -39,7 +39,7 @@ pub struct TriangleMesh {
     /// The polygons that faces are parts of, where the file has any of more than three corners.
     pub polygons: Option<std::sync::Arc<polygons::Polygons>>,
     /// Of points without faces, the triangles that a check has made around each.
-    pub local: points::Known,
+    pub local: points::KnownTriangles,
 }
 
 impl TriangleMesh {

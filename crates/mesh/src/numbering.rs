@@ -64,7 +64,7 @@ impl PartialEq for Numbering {
 
 /// What became of a file, as it was found while the mesh was repaired.
 #[derive(Debug, Default)]
-pub(crate) struct Found {
+pub(crate) struct MeshNumbering {
     pub file: [usize; 2],
     pub vertices: Option<Vec<u32>>,
     pub faces: Option<Vec<u32>>,
@@ -114,8 +114,8 @@ impl Numbering {
     }
 
     /// The numbering of a mesh of so many vertices and faces as the check found it, before the faces were divided.
-    pub(crate) fn found(found: Found, kept: [usize; 2]) -> Self {
-        let Found { file, vertices, faces, nearest, inner } = found;
+    pub(crate) fn found(found: MeshNumbering, kept: [usize; 2]) -> Self {
+        let MeshNumbering { file, vertices, faces, nearest, inner } = found;
         Self { file, kept, vertices, faces, nearest, inner, ..Self::default() }
     }
 

@@ -97,7 +97,7 @@ pub fn check_body(raw: RawMesh, options: &CheckOptions) -> Result<CheckedBody, M
     surface.numbering = solid_numbering(numbers, &positions, &ordered, &surface);
     surface.report.file = FileSize::of(&surface.numbering);
     surface.report.solid = Some(report);
-    tell(&mut surface.report, SurfaceOf::Boundary, differing);
+    report_boundary(&mut surface.report, SurfaceOf::Boundary, differing);
     Ok(CheckedBody { surface, solid: Some(TetMesh { positions: ordered, tetrahedra }) })
 }
 
@@ -122,11 +122,11 @@ fn given_surface(mut raw: RawMesh, options: &CheckOptions) -> Result<CheckedBody
     let differing = differences(&raw.faces, raw.polygons.as_ref(), &tetrahedra);
     let mut surface = check(raw, options)?;
     surface.report.repairs.push(Repair { kind: RepairKind::LeftOutTetrahedra, count: tetrahedra.len() });
-    tell(&mut surface.report, SurfaceOf::Given, differing);
+    report_boundary(&mut surface.report, SurfaceOf::Given, differing);
     Ok(CheckedBody { surface, solid: None })
 }
 
-fn tell(report: &mut MeshReport, surface: SurfaceOf, differing: Vec<Defect>) {
+fn report_boundary(report: &mut MeshReport, surface: SurfaceOf, differing: Vec<Defect>) {
     report.surface = Some(surface);
     report.defects.extend(differing);
     report.defects.sort_by_key(|defect| defect.kind);
@@ -171,7 +171,7 @@ fn solid_numbering(numbers: Vec<u32>, given: &[[f64; 3]], kept: &[[f64; 3]], sur
     let nearest = nearest_vertices(kept, &unused.collect::<Vec<_>>());
     let (vertices, faces) = (surface.mesh.positions.len(), surface.mesh.faces.len());
     let moved = numbers.iter().enumerate().any(|(v, &place)| v as u32 != place);
-    let found = numbering::Found {
+    let found = numbering::MeshNumbering {
         file: [numbers.len(), faces],
         vertices: moved.then_some(numbers),
         faces: None,

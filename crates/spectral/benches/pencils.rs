@@ -13,7 +13,7 @@ use chladni_mesh::check::{CheckOptions, check};
 use chladni_mesh::read::{MeshFormat, ReadLimits, read};
 use chladni_spectral::operator::{Boundary, EigenProblem, MassKind, MassMatrix, OperatorParameters, assemble, volume};
 use chladni_spectral::spectrum::hsim::{self, HsimParameters};
-use chladni_spectral::spectrum::pencil::{Mass, Pairs, Parameters, Pencil, Wanted, solve};
+use chladni_spectral::spectrum::pencil::{Mass, Pairs, Parameters, Pencil, PencilSelection, solve};
 
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
@@ -66,7 +66,7 @@ fn without_positions(problem: &EigenProblem, count: usize, tolerance: f64) -> Pa
         mass => Mass::Sparse(mass.sparse().expect("a sparse mass").clone()),
     };
     let pencil = Pencil::new(problem.stiffness.clone(), mass, &[], &Unwatched).expect("a pencil");
-    let parameters = Parameters { wanted: Wanted::Count(count), tolerance, seed: 0 };
+    let parameters = Parameters { selection: PencilSelection::Count(count), tolerance, seed: 0 };
     solve(&pencil, &parameters, &Unwatched).expect("eigenpairs")
 }
 
@@ -95,7 +95,7 @@ fn surface(path: &Path) {
     let mesh = check(raw, &CheckOptions::default()).expect("a surface").mesh;
     let problem = assemble(&mesh, &OperatorParameters::default(), &Unwatched).expect("an operator").problem;
     for count in [50, 250] {
-        let wanted = HsimParameters { wanted: hsim::Wanted::Count(count), ..HsimParameters::default() };
+        let wanted = HsimParameters { selection: hsim::Selection::Count(count), ..HsimParameters::default() };
         let mut best = [f64::INFINITY; 2];
         for _ in 0..3 {
             let (with, a) = timed(|| hsim::solve(&mesh, &problem, &wanted, false, &Unwatched).expect("eigenpairs"));

@@ -16,7 +16,7 @@ use crate::basis::Basis;
 use crate::operator::points::{assemble_local, local_triangles};
 use crate::operator::{MeshOperator, OperatorError, OperatorParameters, assemble};
 use crate::spectrum::heat::HeatParameters;
-use crate::spectrum::hsim::{self, Eigenpairs, HsimError, HsimParameters, Wanted};
+use crate::spectrum::hsim::{self, Eigenpairs, HsimError, HsimParameters, Selection};
 use crate::spectrum::{
     ApproximationError, ApproximationParameters, Goal, MOST_ROUNDS, Space, approximate, dimension_for,
 };
@@ -177,8 +177,8 @@ impl<'a> Eigen<'a> {
     /// [`MeshSolveError`]: an operator that the mesh does not allow, or pairs that do not converge.
     pub fn exact(self, tolerance: f64) -> Result<Eigenpairs, MeshSolveError> {
         let (operator, surface) = self.operator_on()?;
-        let wanted = Wanted::Count(self.count);
-        let parameters = HsimParameters { wanted, tolerance, seed: self.seed, ..HsimParameters::default() };
+        let selection = Selection::Count(self.count);
+        let parameters = HsimParameters { selection, tolerance, seed: self.seed, ..HsimParameters::default() };
         Ok(hsim::solve(&surface, &operator.problem, &parameters, false, self.monitor)?)
     }
 

@@ -19,12 +19,12 @@
 //! ```
 //! use chladni_spectral::mesh::shape::{Shape, generate};
 //! use chladni_spectral::operator::{OperatorParameters, assemble};
-//! use chladni_spectral::spectrum::hsim::{HsimParameters, Wanted, solve};
+//! use chladni_spectral::spectrum::hsim::{HsimParameters, Selection, solve};
 //! use chladni_spectral::Unwatched;
 //!
 //! let sphere = generate(Shape::Sphere, 1000)?;
 //! let operator = assemble(&sphere, &OperatorParameters::default(), &Unwatched)?;
-//! let parameters = HsimParameters { wanted: Wanted::Count(9), tolerance: 1e-6, ..HsimParameters::default() };
+//! let parameters = HsimParameters { selection: Selection::Count(9), tolerance: 1e-6, ..HsimParameters::default() };
 //! let pairs = solve(&sphere, &operator.problem, &parameters, false, &Unwatched)?;
 //!
 //! // On the unit sphere they are l (l + 1), each 2 l + 1 times; the mesh has them to within a percent.

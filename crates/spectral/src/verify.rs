@@ -92,7 +92,7 @@ pub enum VerifyError {
 }
 
 /// Values of approximations up to this, on unit area, count as zero.
-const KERNEL: f64 = 1e-6;
+const LARGEST_ZERO_VALUE: f64 = 1e-6;
 
 /// Relative differences of residuals that are summed in another order.
 const SAME: f64 = 1e-2;
@@ -316,7 +316,7 @@ impl Subject<'_> {
         // leaves some digits.
         let stored_kernel = theta == 0.0 && length(&sx) <= 4.0 * self.claims.unit * norm * length(x);
         let is_kernel = if certificate.accuracy.is_some() {
-            theta.abs() <= KERNEL
+            theta.abs() <= LARGEST_ZERO_VALUE
         } else {
             stored_kernel || length(&sx) <= (64.0 * f64::EPSILON * norm * length(x)).max(2.0 * rounded)
         };

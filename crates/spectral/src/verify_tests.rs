@@ -3,7 +3,7 @@
 use super::*;
 use crate::basis::{Certificate, DenseFunctions, InertiaCount};
 use crate::operator::{Boundary, MassKind, OperatorKind, OperatorParameters, assemble};
-use crate::spectrum::hsim::{HsimParameters, Wanted, solve};
+use crate::spectrum::hsim::{HsimParameters, Selection, solve};
 use chladni_base::{SplitMix64, Unwatched};
 use chladni_mesh::shape::{Shape, generate};
 
@@ -12,10 +12,10 @@ fn operator(shape: Shape, vertices: usize, mass: MassKind, boundary: Boundary) -
     assemble(&mesh, &OperatorParameters { operator: OperatorKind::Auto, mass, boundary }, &Unwatched).unwrap()
 }
 
-fn basis(shape: Shape, operator: &MeshOperator, vertices: usize, wanted: Wanted, precision: Precision) -> Basis {
+fn basis(shape: Shape, operator: &MeshOperator, vertices: usize, selection: Selection, precision: Precision) -> Basis {
     let mesh = generate(shape, vertices).unwrap();
     let tolerance = if precision == Precision::F32 { 1e-3 } else { 1e-8 };
-    let parameters = HsimParameters { wanted, tolerance, ..HsimParameters::default() };
+    let parameters = HsimParameters { selection, tolerance, ..HsimParameters::default() };
     let pairs = solve(&mesh, &operator.problem, &parameters, false, &Unwatched).unwrap();
     Basis {
         functions: Functions::Dense(DenseFunctions::from_panels(pairs.vectors, precision)),
@@ -37,16 +37,16 @@ fn basis(shape: Shape, operator: &MeshOperator, vertices: usize, wanted: Wanted,
 #[test]
 fn what_the_solver_delivers_is_confirmed() {
     for (shape, mass, boundary, wanted, precision) in [
-        (Shape::Sphere, MassKind::Barycentric, Boundary::Neumann, Wanted::Count(50), Precision::F64),
+        (Shape::Sphere, MassKind::Barycentric, Boundary::Neumann, Selection::Count(50), Precision::F64),
         // 50 cuts a group of equal values, 49 does not.
-        (Shape::Sphere, MassKind::Consistent, Boundary::Neumann, Wanted::Count(49), Precision::F64),
-        (Shape::Disk, MassKind::Barycentric, Boundary::Dirichlet, Wanted::Count(30), Precision::F64),
-        (Shape::Torus, MassKind::Voronoi, Boundary::Neumann, Wanted::Count(40), Precision::F32),
+        (Shape::Sphere, MassKind::Consistent, Boundary::Neumann, Selection::Count(49), Precision::F64),
+        (Shape::Disk, MassKind::Barycentric, Boundary::Dirichlet, Selection::Count(30), Precision::F64),
+        (Shape::Torus, MassKind::Voronoi, Boundary::Neumann, Selection::Count(40), Precision::F32),
         (
             Shape::Rectangle,
             MassKind::Barycentric,
             Boundary::Neumann,
-            Wanted::Below { bound: 300.0, most: 200 },
+            Selection::Below { bound: 300.0, most: 200 },
             Precision::F64,
         ),
     ] {
@@ -62,7 +62,7 @@ fn what_the_solver_delivers_is_confirmed() {
 #[test]
 fn a_bound_below_the_rounding_of_one_operation_is_refuted() {
     let operator = operator(Shape::Knot, 600, MassKind::Barycentric, Boundary::Neumann);
-    let mut basis = basis(Shape::Knot, &operator, 600, Wanted::Count(20), Precision::F64);
+    let mut basis = basis(Shape::Knot, &operator, 600, Selection::Count(20), Precision::F64);
     basis.certificate.bounds.iter_mut().for_each(|bound| *bound = 0.0);
     let findings = verify(&basis, &operator, &Unwatched).unwrap().findings;
     assert!(findings.iter().any(|finding| matches!(finding, Finding::Bound { pair: 19, .. })), "{findings:?}");
@@ -72,7 +72,7 @@ fn a_bound_below_the_rounding_of_one_operation_is_refuted() {
 #[test]
 fn none_of_a_thousand_altered_bases_is_confirmed() {
     let operator = operator(Shape::Knot, 600, MassKind::Barycentric, Boundary::Neumann);
-    let original = basis(Shape::Knot, &operator, 600, Wanted::Count(20), Precision::F64);
+    let original = basis(Shape::Knot, &operator, 600, Selection::Count(20), Precision::F64);
     assert_eq!(verify(&original, &operator, &Unwatched).unwrap().findings, Vec::new());
     let columns = original.lift::<f64>(0..20).unwrap();
     let mut random = SplitMix64::new(7);
@@ -180,7 +180,7 @@ fn none_of_a_thousand_altered_bases_is_confirmed() {
 #[test]
 fn a_basis_of_another_mesh_or_operator_is_found_out() {
     let of_a_sphere = operator(Shape::Sphere, 800, MassKind::Barycentric, Boundary::Neumann);
-    let basis = basis(Shape::Sphere, &of_a_sphere, 800, Wanted::Count(10), Precision::F64);
+    let basis = basis(Shape::Sphere, &of_a_sphere, 800, Selection::Count(10), Precision::F64);
     let larger = operator(Shape::Sphere, 2_000, MassKind::Barycentric, Boundary::Neumann);
     let found = verify(&basis, &larger, &Unwatched).unwrap();
     assert!(matches!(found.findings[0], Finding::Shape(_)), "{:?}", found.findings);
@@ -193,7 +193,7 @@ fn a_basis_of_another_mesh_or_operator_is_found_out() {
 #[test]
 fn no_pair_next_to_the_last_may_be_missing_or_another() {
     let operator = operator(Shape::Knot, 600, MassKind::Barycentric, Boundary::Neumann);
-    let of = |count: usize| basis(Shape::Knot, &operator, 600, Wanted::Count(count), Precision::F64);
+    let of = |count: usize| basis(Shape::Knot, &operator, 600, Selection::Count(count), Precision::F64);
     for count in 1..30 {
         let (original, more) = (of(count), of(count + 2));
         let found = verify(&original, &operator, &Unwatched).unwrap();

@@ -8,8 +8,8 @@ use chladni_spectral::basis::{Basis, Functions};
 use chladni_spectral::mesh::TetMesh;
 use chladni_spectral::operator::{Boundary, MassKind, MeshOperator, volume};
 use chladni_spectral::spectrum::heat::HeatParameters;
-use chladni_spectral::spectrum::hsim::{HsimParameters, Wanted};
-use chladni_spectral::spectrum::nested::{self, Places};
+use chladni_spectral::spectrum::hsim::{HsimParameters, Selection};
+use chladni_spectral::spectrum::nested::{self, RowPositions};
 use chladni_spectral::spectrum::radial::RadialParameters;
 use chladni_spectral::spectrum::{
     ApproximationParameters, Goal, MOST_ROUNDS, Refinement, Space, approximate, approximate_refined, subspace,
@@ -76,8 +76,9 @@ fn parameters(count: usize, dimension: usize) -> ApproximationParameters {
 }
 
 fn exact(solid: &TetMesh, operator: &MeshOperator, count: usize) -> Vec<f64> {
-    let parameters = HsimParameters { wanted: Wanted::Count(count), tolerance: 1e-6, ..HsimParameters::default() };
-    let places = Places::Positions(&solid.positions);
+    let parameters =
+        HsimParameters { selection: Selection::Count(count), tolerance: 1e-6, ..HsimParameters::default() };
+    let places = RowPositions::Positions(&solid.positions);
     nested::solve(&operator.problem, places, solid.positions.len(), &parameters, &Unwatched).unwrap().values
 }
 

@@ -9,7 +9,7 @@ use chladni_mesh::shape::{Shape, generate};
 use chladni_spectral::operator::{
     Boundary, EigenProblem, Laplacian, MassKind, MeshOperator, OperatorKind, OperatorParameters, Potential, assemble,
 };
-use chladni_spectral::spectrum::hsim::{Eigenpairs, HsimParameters, Wanted, solve};
+use chladni_spectral::spectrum::hsim::{Eigenpairs, HsimParameters, Selection, solve};
 use references::{load, meshes, reference};
 
 fn operator(mesh: &TriangleMesh, operator: OperatorKind, mass: MassKind, boundary: Boundary) -> MeshOperator {
@@ -22,7 +22,7 @@ fn laplacian(mesh: &TriangleMesh, boundary: Boundary) -> EigenProblem {
 
 /// Solves, and holds that the answer is converged, orthonormal, ascending and proven complete by its inertia.
 fn proven(mesh: &TriangleMesh, problem: &EigenProblem, count: usize, tolerance: f64, what: &str) -> Eigenpairs {
-    let parameters = HsimParameters { wanted: Wanted::Count(count), tolerance, ..HsimParameters::default() };
+    let parameters = HsimParameters { selection: Selection::Count(count), tolerance, ..HsimParameters::default() };
     let pairs = solve(mesh, problem, &parameters, false, &Unwatched).unwrap_or_else(|error| panic!("{what}: {error}"));
     assert_eq!(pairs.values.len(), count, "{what}");
     assert!(pairs.values.is_sorted(), "{what}");
@@ -209,7 +209,8 @@ fn where_coarse_levels_know_nothing_of_the_mesh_random_vectors_do() {
         let mesh = TriangleMesh { positions, faces, ..Default::default() };
         let problem = operator(&mesh, OperatorKind::Auto, MassKind::Barycentric, Boundary::Neumann).problem;
         let stages = Stages::default();
-        let parameters = HsimParameters { wanted: Wanted::Count(50), levels: Some(2), ..HsimParameters::default() };
+        let parameters =
+            HsimParameters { selection: Selection::Count(50), levels: Some(2), ..HsimParameters::default() };
         let pairs =
             solve(&mesh, &problem, &parameters, false, &stages).unwrap_or_else(|error| panic!("seed {seed}: {error}"));
         repaired += usize::from(stages.0.lock().unwrap().contains(&"repair"));

@@ -96,7 +96,7 @@ fn what_does_not_fit_is_named() {
         (&format!("{head}2 2\n"), "line 2: rows, columns and the number of entries"),
         (&format!("{head}2 2 1\n3 1 1\n"), "line 3: an entry lies in row or column 3 of 2"),
         (&format!("{head}2 2 1\n0 1 1\n"), "line 3: an entry lies in row or column 0 of 2"),
-        (&format!("{head}2 2 1\n1 1 x\n"), "line 3: \"x\" is no number"),
+        (&format!("{head}2 2 1\n1 1 x\n"), "line 3: \"x\" is not a number"),
         (&format!("{head}2 2 2\n1 1 1\n"), "ends after 1 of 2 entries"),
         (&format!("{head}2 2 1\n1 1 1\n2 2 1\n"), "line 4: there are more than 1 entries"),
         (&format!("{head}9999999999 2 1\n"), "9999999999 rows exceed"),
@@ -110,7 +110,7 @@ fn what_does_not_fit_is_named() {
     };
     for (bytes, expected) in [
         (parts(&[0, 1, 2, 3], &[0, 1, 3]), "row 2: column 3 is out of range"),
-        (parts(&[0, 1, 2, 3], &[0, -1, 2]), "'indices': -1 is no number"),
+        (parts(&[0, 1, 2, 3], &[0, -1, 2]), "'indices': -1 is not a number"),
         (parts(&[0, 1], &[0]), "row offset 0 is out of order"),
         (archive("lil", &[]), "matrices of the format \"lil\" are not supported"),
         (archive("csr", &[]), "'indptr': it is missing"),

@@ -6,7 +6,7 @@ use chladni_algebra::{CpuSolver, MassMatrix, SparseMatrix, SymmetricDefiniteSolv
 use chladni_base::{SplitMix64, Unwatched};
 use chladni_spectral::basis::CutCluster;
 use chladni_spectral::spectrum::hsim::HsimError;
-use chladni_spectral::spectrum::pencil::{Mass, Pairs, Parameters, Pencil, PencilError, Wanted, csr, solve};
+use chladni_spectral::spectrum::pencil::{Mass, Pairs, Parameters, Pencil, PencilError, PencilSelection, csr, solve};
 
 #[path = "pencil/outliers.rs"]
 mod outliers;
@@ -58,7 +58,7 @@ fn sorted(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
 }
 
 fn lowest(count: usize) -> Parameters {
-    Parameters { wanted: Wanted::Count(count), ..Parameters::default() }
+    Parameters { selection: PencilSelection::Count(count), ..Parameters::default() }
 }
 
 fn pencil(stiffness: &SparseMatrix, mass: &Mass) -> Pencil {
@@ -70,7 +70,7 @@ fn pencil(stiffness: &SparseMatrix, mass: &Mass) -> Pencil {
 fn proven(stiffness: &SparseMatrix, mass: &Mass, parameters: &Parameters, exact: &[f64], error: f64) -> Pairs {
     let pencil = pencil(stiffness, mass);
     let pairs =
-        solve(&pencil, parameters, &Unwatched).unwrap_or_else(|error| panic!("{:?}: {error}", parameters.wanted));
+        solve(&pencil, parameters, &Unwatched).unwrap_or_else(|error| panic!("{:?}: {error}", parameters.selection));
     let Pairs { values, vectors, certificate, moved, .. } = &pairs;
     assert_eq!(values.len(), exact.len());
     assert_eq!(certificate.complete, Some(true));
@@ -305,17 +305,18 @@ fn negative_eigenvalues_bounds_and_intervals() {
     proven(&adjacency, &Mass::Identity, &lowest(30), &exact[..30], 1e-9);
     for (from, to) in [(f64::NEG_INFINITY, -3.7), (-3.8, -3.6), (-3.61, -3.58)] {
         let inside: Vec<f64> = exact.iter().copied().filter(|&value| from <= value && value < to).collect();
-        let wanted = if from.is_finite() {
-            Wanted::Between { from, to, most: 200 }
+        let selection = if from.is_finite() {
+            PencilSelection::Between { from, to, most: 200 }
         } else {
-            Wanted::Below { bound: to, most: 200 }
+            PencilSelection::Below { bound: to, most: 200 }
         };
-        let pairs = proven(&adjacency, &Mass::Identity, &Parameters { wanted, ..Parameters::default() }, &inside, 1e-9);
+        let pairs =
+            proven(&adjacency, &Mass::Identity, &Parameters { selection, ..Parameters::default() }, &inside, 1e-9);
         assert_eq!(pairs.certificate.first, exact.iter().filter(|&&value| value < from).count());
     }
-    let nothing = Parameters { wanted: Wanted::Below { bound: -4.1, most: 5 }, ..Parameters::default() };
+    let nothing = Parameters { selection: PencilSelection::Below { bound: -4.1, most: 5 }, ..Parameters::default() };
     assert!(solve(&pencil(&adjacency, &Mass::Identity), &nothing, &Unwatched).unwrap().values.is_empty());
-    let few = Parameters { wanted: Wanted::Below { bound: -3.0, most: 5 }, ..Parameters::default() };
+    let few = Parameters { selection: PencilSelection::Below { bound: -3.0, most: 5 }, ..Parameters::default() };
     let refused = solve(&pencil(&adjacency, &Mass::Identity), &few, &Unwatched).unwrap_err();
     assert!(matches!(refused, PencilError::Solve(HsimError::Count { most: 5, .. })), "{refused}");
 }
@@ -328,8 +329,8 @@ fn the_nearest_to_a_shift_are_those_of_the_whole_spectrum() {
     let adjacency = pencil(&matrix(n, &entries), &Mass::Identity);
     let exact = sorted((1..=n).map(|k| 2.0 * (PI * k as f64 / (n + 1) as f64).cos()));
     let around = |shift: f64, count: usize, most: usize| {
-        let wanted = Wanted::Around { shift, count, most };
-        solve(&adjacency, &Parameters { wanted, ..Parameters::default() }, &Unwatched)
+        let selection = PencilSelection::Around { shift, count, most };
+        solve(&adjacency, &Parameters { selection, ..Parameters::default() }, &Unwatched)
     };
     for (shift, count) in [(-1.99, 7), (-1.2, 1), (-5.0, 2), (5.0, 3), (0.5 * (exact[20] + exact[21]) + 1e-9, 4)] {
         let pairs = around(shift, count, n).unwrap();
@@ -355,8 +356,8 @@ fn a_shift_on_an_eigenvalue_names_the_copies_that_it_leaves_out() {
     let pencil = pencil(&laplacian(n, &cycle), &Mass::Identity);
     let shift = 2.0 - 2.0 * (2.0 * PI * 7.0 / n as f64).cos();
     for (count, tied) in [(1, vec![(13, true), (14, false)]), (2, vec![])] {
-        let wanted = Wanted::Around { shift, count, most: n };
-        let pairs = solve(&pencil, &Parameters { wanted, ..Parameters::default() }, &Unwatched).unwrap();
+        let selection = PencilSelection::Around { shift, count, most: n };
+        let pairs = solve(&pencil, &Parameters { selection, ..Parameters::default() }, &Unwatched).unwrap();
         assert!(pairs.values.iter().all(|value| (value - shift).abs() < 1e-12), "{:?}", pairs.values);
         let around = pairs.certificate.around.unwrap();
         let mut found: Vec<_> = around.ties.iter().map(|tie| (tie.index, tie.delivered)).collect();
@@ -379,8 +380,8 @@ fn a_shift_on_or_beside_an_eigenvalue_of_a_thousand_copies_is_solved_at_once_and
     let copies: usize = sizes.iter().map(|size| size - 1).sum();
     let pencil = pencil(&laplacian(n, &edges), &Mass::Identity);
     for shift in [1.0, 0.9] {
-        let wanted = Wanted::Around { shift, count: 7, most: sizes.len() + 200 };
-        let pairs = solve(&pencil, &Parameters { wanted, ..Parameters::default() }, &Unwatched).unwrap();
+        let selection = PencilSelection::Around { shift, count: 7, most: sizes.len() + 200 };
+        let pairs = solve(&pencil, &Parameters { selection, ..Parameters::default() }, &Unwatched).unwrap();
         assert!(pairs.values.len() == 7 && pairs.values.iter().all(|value| (value - 1.0).abs() < 1e-9));
         let ties = pairs.certificate.around.unwrap().ties;
         assert_eq!(ties.iter().filter(|tie| tie.delivered).count(), 7, "around {shift}");

@@ -9,11 +9,12 @@ use chladni_spectral::Unwatched;
 use chladni_spectral::mesh::TriangleMesh;
 use chladni_spectral::mesh::points::with_local_triangles;
 use chladni_spectral::operator::{OperatorParameters, assemble};
-use chladni_spectral::spectrum::hsim::{HsimParameters, Wanted, solve};
+use chladni_spectral::spectrum::hsim::{HsimParameters, Selection, solve};
 
 fn eigenvalues(mesh: &TriangleMesh, count: usize) -> (Vec<f64>, f64) {
     let operator = assemble(mesh, &OperatorParameters::default(), &Unwatched).unwrap();
-    let parameters = HsimParameters { wanted: Wanted::Count(count), tolerance: 1e-8, ..HsimParameters::default() };
+    let parameters =
+        HsimParameters { selection: Selection::Count(count), tolerance: 1e-8, ..HsimParameters::default() };
     let pairs = solve(mesh, &operator.problem, &parameters, false, &Unwatched).unwrap();
     (pairs.values, operator.problem.area)
 }

@@ -8,8 +8,8 @@ use chladni_spectral::mesh::check::CheckOptions;
 use chladni_spectral::mesh::read::{MeshFormat, ReadLimits, read};
 use chladni_spectral::mesh::solid::check_body;
 use chladni_spectral::operator::{Boundary, MassKind, volume};
-use chladni_spectral::spectrum::hsim::{HsimParameters, Wanted};
-use chladni_spectral::spectrum::nested::{Places, solve};
+use chladni_spectral::spectrum::hsim::{HsimParameters, Selection};
+use chladni_spectral::spectrum::nested::{RowPositions, solve};
 
 const SCRIPT: &str = r#"
 import sys, numpy as np, scipy.sparse as sp, scipy.sparse.linalg as la
@@ -80,8 +80,9 @@ fn a_real_solid_has_the_matrices_and_eigenvalues_of_scipy() {
             // The largest entries are those of slivers, and differences of nearly equal numbers.
             assert!((found - expected).abs() <= 1e-10 * expected, "{name} {condition}: {found} is not {expected}");
         }
-        let parameters = HsimParameters { wanted: Wanted::Count(count), tolerance: 1e-8, ..HsimParameters::default() };
-        let places = Places::Positions(&solid.positions);
+        let parameters =
+            HsimParameters { selection: Selection::Count(count), tolerance: 1e-8, ..HsimParameters::default() };
+        let places = RowPositions::Positions(&solid.positions);
         let pairs = solve(&problem, places, solid.positions.len(), &parameters, &Unwatched).unwrap();
         for (found, expected) in pairs.values.iter().zip(values) {
             let error = (found - expected).abs();

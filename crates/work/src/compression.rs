@@ -89,7 +89,7 @@ impl Rate {
     ///
     /// # Errors
     /// [`ProvenanceError`] where the basis does not say what its rows are.
-    pub fn told(self, basis: &Basis, packed: Compressed) -> Result<CompressionAnswer, ProvenanceError> {
+    pub fn into_answer(self, basis: &Basis, packed: Compressed) -> Result<CompressionAnswer, ProvenanceError> {
         let (bytes, basis_bytes) = (packed.bytes.len(), basis.stored_bytes());
         let per_vertex = |bytes: f64| 8.0 * bytes / basis.vertices().max(1) as f64;
         Ok(CompressionAnswer {

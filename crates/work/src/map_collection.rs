@@ -4,7 +4,7 @@ use chladni_base::{Monitor, StageClock, stopped};
 use chladni_mesh::TriangleMesh;
 use chladni_spectral::analysis::AnalysisError;
 use chladni_spectral::analysis::map_collection::{
-    CollectionCost, CollectionMap, CollectionRequest, Shape, ShapeSize, check_sizes, map_collection,
+    CollectionCost, CollectionMap, CollectionRequest, CollectionShape, ShapeSize, check_sizes, map_collection,
 };
 use chladni_spectral::basis::{BasisError, MAP_COLLECTION, Product, StoredMap, StoredMaps};
 use serde::{Deserialize, Serialize};
@@ -171,8 +171,8 @@ impl MapCollectionParameters {
     ///
     /// # Errors
     /// [`JobError`]; in particular [`JobError::Cancelled`] soon after the monitor's checkpoint asks for it.
-    pub fn run_shapes(&self, shapes: &[Shape<'_>], monitor: &dyn Monitor) -> Result<Outcome, JobError> {
-        let size = |shape: &Shape<'_>| ShapeSize {
+    pub fn run_shapes(&self, shapes: &[CollectionShape<'_>], monitor: &dyn Monitor) -> Result<Outcome, JobError> {
+        let size = |shape: &CollectionShape<'_>| ShapeSize {
             vertices: shape.basis.vertices(),
             faces: shape.mesh.faces.len(),
             pairs: shape.basis.count(),

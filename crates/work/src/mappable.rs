@@ -13,7 +13,7 @@ pub struct SpectrumOf {
 }
 
 /// Characters of an operator that a message tells.
-const TOLD: usize = 100;
+const MOST_CHARACTERS: usize = 100;
 
 impl SpectrumOf {
     /// That of a basis which a job with these parameters made, on a surface that is closed or not.
@@ -34,8 +34,8 @@ impl SpectrumOf {
     }
 
     /// In words.
-    pub fn tell(&self) -> String {
-        let mut operator: String = self.operator.chars().take(TOLD).collect();
+    pub fn in_words(&self) -> String {
+        let mut operator: String = self.operator.chars().take(MOST_CHARACTERS).collect();
         if operator.len() < self.operator.len() {
             operator.push('…');
         }
@@ -153,7 +153,10 @@ pub fn check_alike<'a>(bases: impl Iterator<Item = (&'a str, &'a SpectrumOf)> + 
         let other = bases.clone().next().filter(|(_, first)| first.operator != of.operator);
         let other = other.or(with_boundary.filter(|(_, first)| of.boundary.is_some() && first.boundary != of.boundary));
         if let Some((first, first_of)) = other {
-            return Err(Unlike { bases: [first.to_owned(), id.to_owned()], spectra: [first_of.tell(), of.tell()] });
+            return Err(Unlike {
+                bases: [first.to_owned(), id.to_owned()],
+                spectra: [first_of.in_words(), of.in_words()],
+            });
         }
     }
     Ok(())

@@ -4,7 +4,7 @@ use chladni_base::{Monitor, StageClock, stopped};
 use chladni_mesh::TriangleMesh;
 use chladni_spectral::basis::{PENCIL, Precision, Product};
 use chladni_spectral::spectrum::hsim;
-use chladni_spectral::spectrum::pencil::{Matrices, Parameters, PencilError, Wanted, solve};
+use chladni_spectral::spectrum::pencil::{Matrices, Parameters, PencilError, PencilSelection, solve};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
@@ -195,13 +195,13 @@ impl PencilBasisParameters {
     /// What the solver is told.
     fn solver(&self) -> Parameters {
         let (most, count) = (self.at_most.unwrap_or(AT_MOST), self.count.unwrap_or(COUNT));
-        let wanted = match (self.below, self.between, self.around) {
-            (Some(bound), _, _) => Wanted::Below { bound, most },
-            (_, Some([from, to]), _) => Wanted::Between { from, to, most },
-            (_, _, Some(shift)) => Wanted::Around { shift, count, most },
-            _ => Wanted::Count(count),
+        let selection = match (self.below, self.between, self.around) {
+            (Some(bound), _, _) => PencilSelection::Below { bound, most },
+            (_, Some([from, to]), _) => PencilSelection::Between { from, to, most },
+            (_, _, Some(shift)) => PencilSelection::Around { shift, count, most },
+            _ => PencilSelection::Count(count),
         };
-        Parameters { wanted, tolerance: self.tolerance.unwrap_or(TOLERANCE), seed: self.seed }
+        Parameters { selection, tolerance: self.tolerance.unwrap_or(TOLERANCE), seed: self.seed }
     }
 
     fn precision(&self) -> Precision {

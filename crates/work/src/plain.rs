@@ -12,7 +12,8 @@ use crate::packed::Packed;
 /// Which member does not fit, what it must be and what it is:
 /// `count must be a whole number of at least 0, got the string "many"`.
 pub fn read<'de, T: Deserialize<'de>>(from: &'de Packed) -> Result<T, String> {
-    serde_path_to_error::deserialize(from).map_err(|error| told_within(from, error.path(), &error.inner().to_string()))
+    serde_path_to_error::deserialize(from)
+        .map_err(|error| explain_within(from, error.path(), &error.inner().to_string()))
 }
 
 /// The same from JSON.
@@ -25,19 +26,19 @@ pub fn read_json<T: DeserializeOwned>(from: &Value) -> Result<T, String> {
 
 /// An error of serde at a path into a value, in plain words. Where a type has to look at members before it knows what
 /// it is, as with a `kind`, serde forgets which member did not fit; it is the one that has what was found.
-pub fn told_within(value: &Packed, path: &Path, said: &str) -> String {
+pub fn explain_within(value: &Packed, path: &Path, said: &str) -> String {
     let named = path.to_string();
-    let Some(found) = mismatch(said) else { return told(&named, said) };
-    let Some(place) = at(value, path) else { return told(&named, said) };
+    let Some(found) = mismatch(said) else { return explain(&named, said) };
+    let Some(place) = at(value, path) else { return explain(&named, said) };
     if is(place, found) {
-        return told(&named, said);
+        return explain(&named, said);
     }
     let mut inside = Vec::new();
     search(place, found, if named == "." { "" } else { &named }, &mut inside);
     match inside.as_slice() {
-        [] => told(&named, said),
-        [one] => told(one, said),
-        _ => told(&format!("a member of {}", if named == "." { "the request" } else { &named }), said),
+        [] => explain(&named, said),
+        [one] => explain(one, said),
+        _ => explain(&format!("a member of {}", if named == "." { "the request" } else { &named }), said),
     }
 }
 
@@ -93,17 +94,17 @@ fn search(value: &Packed, found: &str, path: &str, paths: &mut Vec<String>) {
 }
 
 /// An error of serde at a path (`.` for the whole) in plain words. What types say themselves stays as it is.
-pub fn told(path: &str, said: &str) -> String {
+pub fn explain(path: &str, said: &str) -> String {
     let said = without_place(said);
     let place = if path == "." { "the request" } else { path };
     let member = |name: &str| if path == "." { name.to_owned() } else { format!("{path}.{name}") };
     let parts =
         |text: &str| text.rsplit_once(", expected ").map(|(found, wanted)| (found.to_owned(), wanted.to_owned()));
     if let Some((found, wanted)) = said.strip_prefix("invalid type: ").and_then(parts) {
-        return format!("{place} must be {}, got {}", kind(&wanted, false), thing(&found));
+        return format!("{place} must be {}, got {}", kind(&wanted, false), described(&found));
     }
     if let Some((found, wanted)) = said.strip_prefix("invalid value: ").and_then(parts) {
-        return format!("{place} must be {}, got {}", kind(&wanted, true), thing(&found));
+        return format!("{place} must be {}, got {}", kind(&wanted, true), described(&found));
     }
     if let Some((found, wanted)) = said.strip_prefix("invalid length ").and_then(parts) {
         let wanted = kind(&wanted, false);
@@ -177,7 +178,7 @@ fn kind(wanted: &str, range: bool) -> String {
 }
 
 /// What was found.
-fn thing(found: &str) -> String {
+fn described(found: &str) -> String {
     if found.starts_with("string ") {
         return format!("the {found}");
     }
@@ -324,8 +325,8 @@ mod tests {
             refused,
             r#"count must be a whole number of at least 0, got the string "a, expected b at line 1 column 2""#
         );
-        assert_eq!(told("pen", "a pen draws"), "pen: a pen draws");
-        assert_eq!(told(".", "a pen draws at line 3 column 4"), "a pen draws");
-        assert_eq!(told("pen", "a pen at line three column 4"), "pen: a pen at line three column 4");
+        assert_eq!(explain("pen", "a pen draws"), "pen: a pen draws");
+        assert_eq!(explain(".", "a pen draws at line 3 column 4"), "a pen draws");
+        assert_eq!(explain("pen", "a pen at line three column 4"), "pen: a pen at line three column 4");
     }
 }

@@ -159,7 +159,7 @@ impl SimilarRequest {
         let mut differences = self.differences(basis)?;
         let mut told = 0;
         for (vertex, difference) in differences.iter_mut().enumerate() {
-            match to.is_told(vertex as u32) {
+            match to.is_of_file(vertex as u32) {
                 true => told += 1,
                 false => *difference = f64::INFINITY,
             }

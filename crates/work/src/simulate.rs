@@ -333,7 +333,7 @@ impl SimulateRequest {
         most: usize,
         monitor: &dyn Monitor,
         mut take: impl FnMut(Frame<'_>, f64),
-    ) -> Result<Told, SimulationFault> {
+    ) -> Result<MotionSummary, SimulationFault> {
         self.check()?;
         let vertices = modes.vertices();
         if let Some(&vertex) = self.vertices.iter().flatten().find(|&&vertex| vertex >= vertices) {
@@ -381,7 +381,7 @@ impl SimulateRequest {
             positions: state.iter().map(|mode| mode.position).collect(),
             velocities: state.iter().map(|mode| mode.velocity).collect(),
         });
-        Ok(Told { columns, state, left_out })
+        Ok(MotionSummary { columns, state, left_out })
     }
 
     /// The motion at the times, at most `most` numbers.
@@ -396,7 +396,7 @@ impl SimulateRequest {
     ) -> Result<SimulateAnswer, SimulationFault> {
         let state = self.give == MotionForm::State;
         let (mut displacements, mut positions, mut velocities, mut energies) = (vec![], vec![], vec![], vec![]);
-        let told = self.each(modes, most, monitor, |frame, energy| {
+        let summary = self.each(modes, most, monitor, |frame, energy| {
             energies.push(energy);
             match frame {
                 Frame::Displacements(frame) => displacements.push(frame.to_vec()),
@@ -412,8 +412,8 @@ impl SimulateRequest {
             displacements: (!state).then_some(displacements),
             positions: state.then_some(positions),
             velocities: state.then_some(velocities),
-            state: told.state,
-            left_out: told.left_out,
+            state: summary.state,
+            left_out: summary.left_out,
             held_loads: self.held_loads(modes),
         })
     }
@@ -424,18 +424,18 @@ impl SimulateRequest {
     /// [`SimulationFault`] names what does not fit.
     pub fn frames(&self, modes: &ModalBasis, most: usize, monitor: &dyn Monitor) -> Result<Frames, SimulationFault> {
         let mut numbers = Vec::new();
-        let told = self.each(modes, most, monitor, |frame, _| match frame {
+        let summary = self.each(modes, most, monitor, |frame, _| match frame {
             Frame::Displacements(frame) => numbers.extend_from_slice(frame),
             Frame::State(positions, velocities) => {
                 numbers.extend(positions.iter().chain(&velocities).map(|&x| x as f32));
             }
         })?;
-        Ok(Frames { numbers, rows: self.times.len(), columns: told.columns })
+        Ok(Frames { numbers, rows: self.times.len(), columns: summary.columns })
     }
 }
 
-/// What is told of a motion beside its frames.
-struct Told {
+/// What there is of a motion beside its frames.
+struct MotionSummary {
     /// Numbers of a frame.
     columns: usize,
     /// At the last time.

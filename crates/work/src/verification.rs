@@ -112,7 +112,7 @@ pub fn judge_modes(
     parameters: &VibrationBasisParameters,
     monitor: &dyn Monitor,
 ) -> Result<Verification, JudgeError> {
-    let body = parameters.body(mesh, solid)?;
+    let body = parameters.elastic_body(mesh, solid)?;
     let elastic =
         elastic::assemble(body, &parameters.material, &parameters.clamps(), monitor).map_err(JobError::from)?;
     Ok(verify_modes(modes, elastic, monitor)?)

@@ -228,7 +228,7 @@ impl VibrationBasisParameters {
     ///
     /// # Errors
     /// [`JobError::Parameters`] where there is neither.
-    pub(crate) fn body<'a>(
+    pub(crate) fn elastic_body<'a>(
         &self,
         mesh: &'a TriangleMesh,
         solid: Option<&'a TetMesh>,
@@ -370,7 +370,7 @@ impl Work for VibrationBasisParameters {
                 "no two of the clamped vertices are the ends of an edge, so that no rotation is held".to_owned();
             return Err(value("clamped_rotations", reason).into());
         }
-        Ok(vibration_modes(self.body(mesh, solid)?, &self.vibration(), monitor)?.into())
+        Ok(vibration_modes(self.elastic_body(mesh, solid)?, &self.vibration(), monitor)?.into())
     }
 }
 

@@ -9,7 +9,7 @@ use chladni_mesh::connectivity::Connectivity;
 use chladni_mesh::distance::{DistanceGeometry, DistanceKind, DistanceWorkspace};
 use chladni_mesh::measure::surface_area;
 use chladni_mesh::read::{MeshFormat, ReadLimits, read};
-use chladni_spectral::analysis::map_collection::{CollectionRequest, MapCollection, Shape, map_collection};
+use chladni_spectral::analysis::map_collection::{CollectionRequest, CollectionShape, MapCollection, map_collection};
 use chladni_spectral::basis::Basis;
 use chladni_work::EigenbasisParameters;
 use serde_json::json;
@@ -69,7 +69,8 @@ fn errors(poses: &[Pose], found: &MapCollection) -> Vec<f64> {
 fn mapped(names: &[String], request: &CollectionRequest) -> Option<(Vec<f64>, MapCollection)> {
     let folder = folder()?;
     let poses: Vec<Pose> = names.iter().map(|name| Pose::load(&folder, name)).collect();
-    let shapes: Vec<Shape<'_>> = poses.iter().map(|pose| Shape { basis: &pose.basis, mesh: &pose.mesh }).collect();
+    let shapes: Vec<CollectionShape<'_>> =
+        poses.iter().map(|pose| CollectionShape { basis: &pose.basis, mesh: &pose.mesh }).collect();
     let begin = std::time::Instant::now();
     let found = map_collection(&shapes, request, &Unwatched).unwrap();
     let seconds = begin.elapsed().as_secs_f64();

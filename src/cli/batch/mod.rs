@@ -105,7 +105,7 @@ enum Computed {
 
 impl BatchArguments {
     /// What is wanted, and all of it that a result depends on.
-    fn wanted(&self) -> Result<(Computed, Value), CliError> {
+    fn task_and_settings(&self) -> Result<(Computed, Value), CliError> {
         let mut given = serde_json::Map::new();
         if let Some(count) = self.count {
             given.insert("count".to_owned(), json!(count));
@@ -171,7 +171,7 @@ fn is_mesh(path: &Path) -> bool {
 
 /// Runs `chladni batch`.
 pub fn batch(arguments: BatchArguments) -> Result<ExitCode, CliError> {
-    let (wanted, settings) = arguments.wanted()?;
+    let (wanted, settings) = arguments.task_and_settings()?;
     let meshes = arguments.meshes()?;
     fs::create_dir_all(&arguments.output).map_err(|error| CliError::file("write", &arguments.output, error))?;
     settings::keep(&arguments.output, &settings, arguments.anew)?;
@@ -229,15 +229,15 @@ fn worker(
             _ if fs::metadata(mesh).is_ok_and(|found| !found.is_file()) => {
                 Err(CliError::mesh(mesh, "it is not a regular file"))
             }
-            Computed::Operators { pairs } => operators::one(arguments, mesh, *pairs, shared),
-            Computed::Job(job) => one(arguments, mesh, job, &shared.promises),
+            Computed::Operators { pairs } => operators::run_on_mesh(arguments, mesh, *pairs, shared),
+            Computed::Job(job) => run_on_mesh(arguments, mesh, job, &shared.promises),
         });
         let outcome = match outcome {
             Ok(outcome) => outcome,
             Err(error) if fails_for_all(&error, &arguments.output) => return Err(error),
             Err(error) => Outcome::Failed(message(&error, mesh)),
         };
-        lines.tell(mesh, &outcome, began.elapsed().as_secs_f64())?;
+        lines.report(mesh, &outcome, began.elapsed().as_secs_f64())?;
     }
     Ok(())
 }
@@ -259,7 +259,7 @@ fn message(error: &CliError, mesh: &Path) -> String {
 }
 
 /// Runs a job on a mesh, unless its result is there, whole, and no older than the mesh and the settings.
-fn one(arguments: &BatchArguments, mesh: &Path, job: &Asked, promises: &Promises) -> Result<Outcome, CliError> {
+fn run_on_mesh(arguments: &BatchArguments, mesh: &Path, job: &Asked, promises: &Promises) -> Result<Outcome, CliError> {
     let path = arguments.output.join(result_name(mesh));
     if !arguments.anew && arguments.is_current(&path) && is_newer(&path, mesh) && is_whole(&path, job, promises)? {
         return Ok(Outcome::There(path));

@@ -36,7 +36,12 @@ const REGULARISATION: f64 = 1e-5;
 const LEAST_MASS: f64 = 1e-8;
 
 /// Makes the file of a mesh, unless it is there with as many eigenpairs.
-pub fn one(arguments: &BatchArguments, mesh: &Path, pairs: usize, shared: &Shared) -> Result<Outcome, CliError> {
+pub fn run_on_mesh(
+    arguments: &BatchArguments,
+    mesh: &Path,
+    pairs: usize,
+    shared: &Shared,
+) -> Result<Outcome, CliError> {
     let input = arguments.input(mesh);
     let options = input.options();
     let refused = |error: &dyn std::fmt::Display| CliError::mesh(mesh, error);

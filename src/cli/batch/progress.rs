@@ -51,7 +51,7 @@ impl Lines {
     ///
     /// # Errors
     /// [`CliError::Io`] where standard output cannot be written.
-    pub fn tell(&self, mesh: &Path, outcome: &Outcome, seconds: f64) -> Result<(), CliError> {
+    pub fn report(&self, mesh: &Path, outcome: &Outcome, seconds: f64) -> Result<(), CliError> {
         let name = mesh.file_name().unwrap_or_default().to_string_lossy();
         let mut counts = self.counts.lock().unwrap_or_else(PoisonError::into_inner);
         let (status, output, error) = match outcome {
@@ -88,7 +88,8 @@ impl Lines {
     /// Ends with how it went, and gives the number of failures.
     ///
     /// # Errors
-    /// As [`tell`](Self::tell), but for a closed pipe: everything is done, and whether it failed is still to be told.
+    /// As [`report`](Self::report), but for a closed pipe: everything is done, and whether it failed is still to be
+    /// told.
     pub fn finish(self, time: &str) -> Result<usize, CliError> {
         self.bar.finish_and_clear();
         let Counts { made, there, failed } = self.counts.into_inner().unwrap_or_else(PoisonError::into_inner);

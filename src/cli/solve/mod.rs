@@ -106,7 +106,7 @@ pub struct SolveArguments {
 
     /// Solve only part K of N, for example on one of N machines, and write it to --output; chladni join makes one basis
     /// of all parts. Parts are of the spectrum (hsim) or of the surface (approximate)
-    #[arg(long, value_name = "K/N", help_heading = "Method", value_parser = part::which)]
+    #[arg(long, value_name = "K/N", help_heading = "Method", value_parser = part::parse_part)]
     part: Option<part::WhichPart>,
 
     /// Numbers of dense storage (hsim, sim)

@@ -23,7 +23,7 @@ pub struct WhichPart {
 }
 
 /// Reads `K/N`.
-pub fn which(text: &str) -> Result<WhichPart, String> {
+pub fn parse_part(text: &str) -> Result<WhichPart, String> {
     let words = "expected K/N, part K of N, such as 2/4";
     let (number, parts) = text.split_once('/').ok_or(words)?;
     let number: usize = number.trim().parse().map_err(|_| words)?;
@@ -116,9 +116,9 @@ mod tests {
     #[test]
     fn a_part_is_one_of_so_many() {
         let four = NonZeroUsize::new(4).unwrap();
-        assert_eq!(which("2/4"), Ok(WhichPart { number: 2, parts: four }));
+        assert_eq!(parse_part("2/4"), Ok(WhichPart { number: 2, parts: four }));
         for text in ["", "2", "2/", "/4", "0/4", "5/4", "1/0", "-1/4", "1.5/4", "1/4/2"] {
-            assert!(which(text).is_err(), "{text}");
+            assert!(parse_part(text).is_err(), "{text}");
         }
     }
 }

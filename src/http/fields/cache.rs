@@ -7,7 +7,7 @@ use std::any::Any;
 use std::sync::Arc;
 
 use chladni_base::Monitor;
-use chladni_work::design::{KeptField, Surface};
+use chladni_work::design::{FieldContent, Surface};
 
 use crate::http::client::ClientState;
 use crate::http::ids::FieldId;
@@ -19,7 +19,7 @@ use crate::store::FieldRecord;
 ///
 /// # Errors
 /// Whatever `make` answers.
-pub async fn kept<T: Any + Send + Sync>(
+pub async fn cached<T: Any + Send + Sync>(
     state: &ClientState,
     stage: &'static str,
     key: &str,
@@ -49,7 +49,7 @@ pub async fn surface(state: &ClientState, mesh: &str) -> Result<Arc<Surface>, Pr
 ///
 /// # Errors
 /// `unknown-field`, and what loading answers.
-pub async fn stored(state: &ClientState, record: &FieldRecord) -> Result<Arc<KeptField>, Problem> {
+pub async fn stored(state: &ClientState, record: &FieldRecord) -> Result<Arc<FieldContent>, Problem> {
     let make = async {
         let values = state.store.load_field(record).await?;
         let kind = serde_json::from_value(record.design["field"].clone()).map_err(Problem::internal)?;
@@ -58,7 +58,7 @@ pub async fn stored(state: &ClientState, record: &FieldRecord) -> Result<Arc<Kep
             None => None,
         };
         let bytes = 4 * values.len() as u64 + matching.as_ref().map_or(0, |own: &Arc<Vec<_>>| 12 * own.len() as u64);
-        Ok((KeptField { kind, columns: record.width as usize, values, matching }, bytes))
+        Ok((FieldContent { kind, columns: record.width as usize, values, matching }, bytes))
     };
     state.fields.get(&state.turn, format!("stored {}", record.id), make).await
 }
@@ -67,7 +67,7 @@ pub async fn stored(state: &ClientState, record: &FieldRecord) -> Result<Arc<Kep
 ///
 /// # Errors
 /// `unknown-field`; `invalid-design/stored` where it is on another mesh.
-pub async fn stored_on(state: &ClientState, id: &str, mesh: &str, place: &str) -> Result<KeptField, Problem> {
+pub async fn stored_on(state: &ClientState, id: &str, mesh: &str, place: &str) -> Result<FieldContent, Problem> {
     let record = state.store.field(&FieldId::parse(id)?.0).await?;
     if record.mesh != mesh {
         let detail = format!("{place}: the field {id} is on the mesh {}, not on this one.", record.mesh);

@@ -75,7 +75,7 @@ async fn decompose(
         let bytes = made.bytes();
         Ok((made, bytes))
     };
-    let decomposition = cache::kept(&state, "hodge", &format!("{id} {boundary:?}"), make).await?;
+    let decomposition = cache::cached(&state, "hodge", &format!("{id} {boundary:?}"), make).await?;
     state
         .solve("decompose", move |monitor| {
             let _memory = memory;

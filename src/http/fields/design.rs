@@ -231,7 +231,7 @@ async fn design(
                         f64::from(found.iter().map(|s| s.numerator).sum::<i32>()) / f64::from(kind.order().max(1))
                     }),
                     euler_characteristic: found.is_some().then(|| surface.dual().euler_characteristic()),
-                    matching: matching.map(|matching| MatchedFaces::told(&matching, &to)),
+                    matching: matching.map(|matching| MatchedFaces::in_file_faces(&matching, &to)),
                     singularities: found.map(|found| {
                         let told =
                             |s: &Singularity| SingularVertex { vertex: to.file_vertex(s.vertex), index: s.index() };

@@ -181,7 +181,7 @@ async fn whole(
 ) -> Result<(Arc<FullSpace>, Share), Problem> {
     wanted.check_refined(tolerance)?;
     let mut memory = state.memory();
-    body::reserve(&mut memory, LowestFields::bytes(wanted.together(), loaded.fields.rows()))?;
+    body::reserve(&mut memory, LowestFields::bytes(wanted.block_size(), loaded.fields.rows()))?;
     Ok((solve::full_space(state, loaded).await?, memory))
 }
 

@@ -24,7 +24,7 @@ mod stored;
 mod stored_wire;
 mod transport;
 
-pub use cache::kept;
+pub use cache::cached;
 
 use chladni_spectral::field::{DesignError, FieldError, PrescribedError, RefineError, StreamlineError};
 use chladni_work::design::DesignFault;

@@ -138,7 +138,7 @@ async fn parametrise(
         let bytes = order.bytes();
         Ok((order, bytes))
     };
-    let order = cache::kept(&state, "order", &key, make).await?;
+    let order = cache::cached(&state, "order", &key, make).await?;
     state
         .solve("quads", move |monitor| {
             let _memory = memory;

@@ -7,8 +7,8 @@ use chladni_base::{Monitor, Unwatched};
 use chladni_spectral::basis::ProductKind;
 use chladni_spectral::field::{DesignModel, FullSpace};
 use chladni_work::design::{
-    AlignmentRequest, DesignRequest, Designed, FacesRequest, FieldSource, FieldTable, Goal, KeptFields, Lifted,
-    NamedTarget, NamedWeights, PerFace, Setting, Target, numerators,
+    AlignmentRequest, DesignRequest, Designed, FacesRequest, FieldSource, FieldTable, Goal, Lifted, NamedTarget,
+    NamedWeights, PerFace, ReferencedFields, Setting, Target, numerators,
 };
 use futures_util::future::BoxFuture;
 use uuid::Uuid;
@@ -100,7 +100,7 @@ pub fn design_with<'a>(
                 let bytes = weighted.bytes();
                 Ok((weighted, bytes))
             };
-            cache::kept(state, "weights", &key, make).await?
+            cache::cached(state, "weights", &key, make).await?
         } else if goal.prescription.is_none() && model.has_many(constraints.len()) {
             // What stays while a stroke is dragged is factored once.
             let share = goal.alignment.as_ref().map_or(0.0, |a| a.1);
@@ -110,7 +110,7 @@ pub fn design_with<'a>(
                 let bytes = model.bytes_of_many();
                 Ok((own.weighted(&model, weights, goal)?, bytes))
             };
-            cache::kept(state, "weights", &key, make).await?
+            cache::cached(state, "weights", &key, make).await?
         } else {
             // Without weights per face everything is diagonal: nothing is worth keeping.
             Arc::new(loaded.weighted(&model, weights, goal)?)
@@ -153,7 +153,7 @@ pub async fn full_space(state: &ClientState, loaded: &LoadedBasis) -> Result<Arc
         body::reserve(&mut memory, levels)?;
         Ok(own.full_space(monitor)?)
     };
-    cache::kept(state, "full-space", &loaded.id, make).await
+    cache::cached(state, "full-space", &loaded.id, make).await
 }
 
 /// The faces that an answer is about; a sample is drawn once.
@@ -168,7 +168,7 @@ pub async fn faces(state: &ClientState, loaded: &LoadedBasis, wanted: &FacesRequ
         let bytes = 4 * faces.len() as u64;
         Ok((faces, bytes))
     };
-    cache::kept(state, "face-sample", &format!("{} {}", loaded.id, sample.sample), make).await
+    cache::cached(state, "face-sample", &format!("{} {}", loaded.id, sample.sample), make).await
 }
 
 /// The stored numbers of all faces of the field that a request names.
@@ -225,7 +225,7 @@ pub async fn lifted_with_matching(
 async fn full_energy_model(state: &ClientState, loaded: &LoadedBasis) -> Result<DesignModel, Problem> {
     let own = loaded.clone();
     let make = move |monitor: &dyn Monitor| Ok(own.full_energy_model(monitor)?);
-    let model: Arc<DesignModel> = cache::kept(state, "energy", &loaded.id, make).await?;
+    let model: Arc<DesignModel> = cache::cached(state, "energy", &loaded.id, make).await?;
     Ok(model.as_ref().clone())
 }
 
@@ -249,7 +249,7 @@ async fn goal(
             let bytes = alignment.bytes();
             Ok((alignment, bytes))
         };
-        goal.alignment = Some((cache::kept(state, "alignment", &key, make).await?, wanted.weight));
+        goal.alignment = Some((cache::cached(state, "alignment", &key, make).await?, wanted.weight));
         per_face = wanted.per_face.is_some();
     }
     if let Some(wanted) = &request.singularities {
@@ -259,14 +259,18 @@ async fn goal(
         key = if request.alignment.is_some() { format!("{key} {own}") } else { own.clone() };
         let (loaded, model, asked) = (loaded.clone(), model.clone(), wanted.clone());
         let make = move |monitor: &dyn Monitor| Ok(loaded.prescription(&model, &asked, monitor)?);
-        goal.prescription = Some((cache::kept(state, "singularities", &own, make).await?, wanted.weight));
+        goal.prescription = Some((cache::cached(state, "singularities", &own, make).await?, wanted.weight));
     }
     Ok((key, goal, per_face))
 }
 
 /// The stored fields that an alignment names.
-async fn named(state: &ClientState, loaded: &LoadedBasis, wanted: &AlignmentRequest) -> Result<KeptFields, Problem> {
-    let mut kept = KeptFields::default();
+async fn named(
+    state: &ClientState,
+    loaded: &LoadedBasis,
+    wanted: &AlignmentRequest,
+) -> Result<ReferencedFields, Problem> {
+    let mut kept = ReferencedFields::default();
     if let Target::Field(FieldTable::Stored(field)) = &wanted.to {
         kept.to = Some(cache::stored_on(state, &field.stored, &loaded.mesh, "alignment.to.stored").await?);
     }

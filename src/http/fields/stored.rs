@@ -255,7 +255,7 @@ async fn save(
         biharmonic_energy: designed.design.biharmonic_energy,
         alignment_energy: designed.design.alignment_energy,
         error: designed.error,
-        matching: designed.exact.as_ref().map(|exact| MatchedFaces::kept(&exact.matching)),
+        matching: designed.exact.as_ref().map(|exact| MatchedFaces::in_mesh_faces(&exact.matching)),
     };
     let values = state.solve("lift", move |_| Ok(loaded.lifted(&designed)?)).await?;
     let design = serde_json::to_value(&saved).map_err(Problem::internal)?;
@@ -309,7 +309,7 @@ problems!(ListFieldsProblems: PAGE []);
 )]
 async fn list(state: ClientState, QueryOf(query): QueryOf<ListQuery>) -> Result<Json<PageOf<FieldSummary>>, Problem> {
     let filter = FieldFilter { mesh: query.mesh, basis: query.basis, name: query.name };
-    let page = state.store.fields(&filter, &extract::page(query.limit, query.from)?).await?;
+    let page = state.store.fields(&filter, &extract::page_request(query.limit, query.from)?).await?;
     Ok(Json(PageOf::of(page, |record| FieldResource::from(record).summary)))
 }
 

@@ -76,7 +76,6 @@ pub struct SavedDesign {
     /// With `exact` singularities the pairs of neighbouring faces, as the kept mesh counts them, across which the field
     /// turns by more than half a turn; quads keep its singular vertices by them. Absent from others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(required = false)]
     pub matching: Option<Vec<MatchedFaces>>,
 }
 

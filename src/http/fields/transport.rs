@@ -94,7 +94,7 @@ async fn transport(
         let bytes = made.bytes();
         Ok((made, bytes))
     };
-    let heat = cache::kept(&state, "vector-heat", &id, make).await?;
+    let heat = cache::cached(&state, "vector-heat", &id, make).await?;
     let mut memory = state.memory();
     body::reserve(&mut memory, BYTES_PER_FACE * surface.surface.faces() as u64)?;
     state

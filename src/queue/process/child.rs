@@ -88,7 +88,7 @@ impl Worker {
         };
         let orders = Arc::new(Mutex::new(BufWriter::with_capacity(1 << 16, input)));
         let mut worker = Self { process, orders, frames, lacked_memory, errors: Some(errors), number: 0 };
-        match worker.hear(patience) {
+        match worker.next_frame(patience) {
             Heard::Frame(Frame { tag: Tag::Ready, .. }) => Ok(worker),
             Heard::Frame(frame) => {
                 Err(io::Error::other(format!("the worker started with {:?} instead of Ready", frame.tag)))
@@ -99,7 +99,7 @@ impl Worker {
     }
 
     /// Waits for the next frame.
-    pub fn hear(&mut self, patience: Duration) -> Heard {
+    pub fn next_frame(&mut self, patience: Duration) -> Heard {
         match self.frames.recv_timeout(patience) {
             Ok(Ok(frame)) => Heard::Frame(frame),
             Err(RecvTimeoutError::Timeout) => Heard::Silence,

@@ -100,7 +100,7 @@ pub(super) fn take(mut worker: Worker, head: &[u8], promised: u64, pool: &Weak<P
 
 /// Hears that an order is done, and keeps the worker for the next one.
 fn finish(mut worker: Worker, pool: &Weak<Pool>) -> Result<(), String> {
-    match worker.hear(PATIENCE) {
+    match worker.next_frame(PATIENCE) {
         Heard::Frame(frame) if frame.tag == Tag::Done => {
             let taken: Taken = serde_json::from_slice(&frame.body).map_err(|error| error.to_string())?;
             if let Some(pool) = pool.upgrade() {
@@ -168,7 +168,7 @@ impl Stream {
     /// What comes next of the content.
     fn piece(&mut self) -> Result<Vec<u8>, String> {
         loop {
-            match self.worker.hear(PATIENCE) {
+            match self.worker.next_frame(PATIENCE) {
                 Heard::Frame(frame) if frame.tag == Tag::Content => return Ok(frame.body),
                 // The work has ended; its last words came in between.
                 Heard::Frame(frame) if matches!(frame.tag, Tag::Beat | Tag::Progress | Tag::Detail | Tag::Stage) => {}

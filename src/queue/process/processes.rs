@@ -185,7 +185,7 @@ impl Processes {
             memory: self.memory(job.memory_bytes),
         };
         let unsent = send(&worker, order, subject).map_err(lost)?;
-        attend(worker, &unsent, job, watch, &self.0)
+        relay_frames(worker, &unsent, job, watch, &self.0)
     }
 }
 
@@ -229,7 +229,7 @@ fn send(worker: &Worker, order: Order, subject: Subject) -> io::Result<Receiver<
 }
 
 /// Passes on what a worker says of an order, until there is a result, or none.
-fn attend(
+fn relay_frames(
     mut worker: Worker,
     unsent: &Receiver<io::Error>,
     job: &JobRecord,
@@ -257,7 +257,7 @@ fn attend(
             let detail = format!("the input of the job could not be read: {error}");
             return Err(JobFailure::Failed { kind: "basis-unavailable".to_owned(), detail, retryable: true });
         }
-        let Frame { tag, body } = match worker.hear(LOOK) {
+        let Frame { tag, body } = match worker.next_frame(LOOK) {
             Heard::Frame(frame) => frame,
             Heard::Silence => continue,
             Heard::Ended(_) if watch.is_cancelled() => return Err(Cancelled.into()),

@@ -64,7 +64,7 @@ pub fn work(input: File, output: File, runner: &dyn Runner) -> io::Result<()> {
     if let Err(error) = rustix::process::setpriority_process(None, 10) {
         tracing::debug!(%error, "could not lower the priority of a worker");
     }
-    say(&output, Tag::Ready, &[])?;
+    write_frame(&output, Tag::Ready, &[])?;
     let mut kept: Option<Threads> = None;
     for incoming in orders {
         let size = incoming.order.threads.max(1);
@@ -72,7 +72,7 @@ pub fn work(input: File, output: File, runner: &dyn Runner) -> io::Result<()> {
             Some(threads) if threads.pool.current_num_threads() == size => threads,
             others => Threads::new(size, others.map(|others| others.workspace)).map_err(io::Error::other)?,
         };
-        obey(incoming, &threads, runner, &output, &cancelled)?;
+        run_order(incoming, &threads, runner, &output, &cancelled)?;
         kept = Some(threads);
     }
     Ok(())
@@ -166,25 +166,25 @@ fn end() -> ! {
     std::process::abort()
 }
 
-fn say(output: &Output, tag: Tag, body: &[u8]) -> io::Result<()> {
+fn write_frame(output: &Output, tag: Tag, body: &[u8]) -> io::Result<()> {
     let mut output = output.lock().unwrap_or_else(PoisonError::into_inner);
     frame::write(&mut *output, tag, body)?;
     output.flush()
 }
 
 fn say_json(output: &Output, tag: Tag, body: &impl serde::Serialize) -> io::Result<()> {
-    say(output, tag, &serde_json::to_vec(body)?)
+    write_frame(output, tag, &serde_json::to_vec(body)?)
 }
 
 /// Does one order.
-fn obey(
+fn run_order(
     Incoming { order, subject }: Incoming,
     threads: &Threads,
     runner: &dyn Runner,
     output: &Output,
     cancelled: &Arc<AtomicU64>,
 ) -> io::Result<()> {
-    say(output, Tag::Accepted, &[])?;
+    write_frame(output, Tag::Accepted, &[])?;
     let fallbacks = gpu::accelerator().fallbacks();
     let monitor = Speaking {
         output: Arc::clone(output),
@@ -331,34 +331,34 @@ struct Speaking {
 
 impl Speaking {
     /// Whether it is time to speak again; one of many threads is told so.
-    fn due(&self, spoken_ms: &AtomicU64) -> bool {
+    fn is_due(&self, spoken_ms: &AtomicU64) -> bool {
         let now = self.begun.elapsed().as_millis() as u64;
         let spoken = spoken_ms.load(Ordering::Relaxed);
         now >= spoken + BEAT_MS && spoken_ms.compare_exchange(spoken, now, Ordering::Relaxed, Ordering::Relaxed).is_ok()
     }
 
-    fn say(&self, tag: Tag, body: &[u8]) {
+    fn write_frame(&self, tag: Tag, body: &[u8]) {
         // Where the server is gone, the thread that listens to it ends the process.
-        let _ = say(&self.output, tag, body);
+        let _ = write_frame(&self.output, tag, body);
     }
 }
 
 impl Monitor for Speaking {
     fn stage(&self, name: &'static str) {
-        self.say(Tag::Stage, name.as_bytes());
+        self.write_frame(Tag::Stage, name.as_bytes());
     }
     fn progress(&self, fraction: f64) {
-        if self.due(&self.advanced_ms) {
-            self.say(Tag::Progress, &fraction.to_le_bytes());
+        if self.is_due(&self.advanced_ms) {
+            self.write_frame(Tag::Progress, &fraction.to_le_bytes());
         }
     }
     fn detail(&self, text: &str) {
         let text: String = text.chars().take(1000).collect();
-        self.say(Tag::Detail, text.as_bytes());
+        self.write_frame(Tag::Detail, text.as_bytes());
     }
     fn checkpoint(&self) -> Result<(), Cancelled> {
-        if self.due(&self.beaten_ms) {
-            self.say(Tag::Beat, &[]);
+        if self.is_due(&self.beaten_ms) {
+            self.write_frame(Tag::Beat, &[]);
         }
         if self.is_cancelled() { Err(Cancelled) } else { Ok(()) }
     }
@@ -372,6 +372,6 @@ impl Watch for Speaking {
         self.cancelled.load(Ordering::Relaxed) >= self.number
     }
     fn stage_named(&self, name: &str) {
-        self.say(Tag::Stage, name.as_bytes());
+        self.write_frame(Tag::Stage, name.as_bytes());
     }
 }

@@ -96,7 +96,7 @@ impl Work<'_> {
             }
         }
         for &(v, was) in changes[best_at..].iter().rev() {
-            self.place(v, was);
+            self.move_to(v, was);
         }
         for &(v, _) in &changes {
             self.moved[v as usize] = false;
@@ -173,7 +173,7 @@ impl Work<'_> {
         let other = 1 - to;
         self.moved[v as usize] = true;
         changes.push((v, SEPARATOR));
-        self.place(v, to as u8);
+        self.move_to(v, to as u8);
         let own = self.graph.weights[v as usize];
         let graph = self.graph;
         for &u in graph.neighbours(v) {
@@ -186,7 +186,7 @@ impl Work<'_> {
                 }
                 side if side as usize == other => {
                     changes.push((u, side));
-                    self.place(u, SEPARATOR);
+                    self.move_to(u, SEPARATOR);
                     self.look(u);
                     let weight = graph.weights[u as usize];
                     for &w in graph.neighbours(u) {
@@ -209,7 +209,7 @@ impl Work<'_> {
         }
     }
 
-    fn place(&mut self, v: u32, side: u8) {
+    fn move_to(&mut self, v: u32, side: u8) {
         let weight = u64::from(self.graph.weights[v as usize]);
         let was = std::mem::replace(&mut self.cut.side[v as usize], side);
         self.cut.weights[was as usize] -= weight;

@@ -23,7 +23,7 @@ struct Tuning {
 const TUNING: Tuning = Tuning { coarsest: 100, seeds: 5, large: 4_000, trials: 4, larger_side: 70 };
 
 /// A graph with the vertex of it that each vertex of the finer one belongs to.
-type Level = (Graph, Vec<u32>);
+type CoarserGraph = (Graph, Vec<u32>);
 
 /// The vertices in two sides and a separator. Graphs of one vertex, and complete ones, have nothing on one side.
 ///
@@ -66,7 +66,7 @@ fn from_the_coarsest(graph: &Graph, trial: u32) -> (Halves, Vec<u32>) {
     descend(graph, &levels, first)
 }
 
-fn climb(graph: &Graph, levels: &mut Vec<Level>, steps: usize) {
+fn climb(graph: &Graph, levels: &mut Vec<CoarserGraph>, steps: usize) {
     let heaviest = (3 * graph.total_weight() / (2 * TUNING.coarsest as u64)).clamp(1, u64::from(u32::MAX / 2)) as u32;
     for _ in 0..steps {
         let below = levels.last().map_or(graph, |level| &level.0);
@@ -80,7 +80,7 @@ fn climb(graph: &Graph, levels: &mut Vec<Level>, steps: usize) {
     }
 }
 
-fn descend(graph: &Graph, levels: &[Level], halved: (Halves, Vec<u32>)) -> (Halves, Vec<u32>) {
+fn descend(graph: &Graph, levels: &[CoarserGraph], halved: (Halves, Vec<u32>)) -> (Halves, Vec<u32>) {
     let most = most(graph);
     let (mut halves, mut boundary) = halved;
     for at in (0..levels.len()).rev() {

@@ -89,7 +89,7 @@ impl ColumnTree {
         let parts = Parts::of_numbers(symbolic, numbers);
         let mut work = self.root.forward(parts, x);
         self.root.backward(parts, &mut work);
-        self.root.give(&work, x);
+        self.root.scatter(&work, x);
     }
 
     /// The first half of it, `x ← L⁻¹ x`: see [`crate::HalfSolved`].
@@ -100,7 +100,7 @@ impl ColumnTree {
         assert_eq!(self.shape, (symbolic.size(), symbolic.entries()), "the structure that was shared out");
         assert_eq!(x.len(), symbolic.size(), "a number for each row of the matrix");
         let work = self.root.forward(Parts::of_numbers(symbolic, numbers), x);
-        self.root.give(&work, x);
+        self.root.scatter(&work, x);
     }
 
     /// The second half, `x ← L⁻ᵀ D⁻¹ x`.
@@ -110,9 +110,9 @@ impl ColumnTree {
     pub fn substitute<T: Scalar>(&self, symbolic: &SymbolicFactor, numbers: &FactorNumbers<T>, x: &mut [f64]) {
         assert_eq!(self.shape, (symbolic.size(), symbolic.entries()), "the structure that was shared out");
         assert_eq!(x.len(), symbolic.size(), "a number for each row of the matrix");
-        let mut work = self.root.take(x);
+        let mut work = self.root.gather(x);
         self.root.backward(Parts::of_numbers(symbolic, numbers), &mut work);
-        self.root.give(&work, x);
+        self.root.scatter(&work, x);
     }
 }
 
@@ -238,8 +238,8 @@ impl Branch {
     }
 
     /// The rows of the branch from those of the matrix.
-    fn take(&self, from: &[f64]) -> Work {
-        let children = self.children.par_iter().map(|child| child.branch.take(from)).collect();
+    fn gather(&self, from: &[f64]) -> Work {
+        let children = self.children.par_iter().map(|child| child.branch.gather(from)).collect();
         let mut x = vec![0.0; self.own + self.above];
         for piece in &self.stretches {
             x[piece.at..piece.at + piece.rows.len()].copy_from_slice(&from[piece.rows.clone()]);
@@ -248,11 +248,11 @@ impl Branch {
     }
 
     /// Copies the solution to its rows of the matrix.
-    fn give(&self, work: &Work, x: &mut [f64]) {
+    fn scatter(&self, work: &Work, x: &mut [f64]) {
         for piece in &self.stretches {
             x[piece.rows.clone()].copy_from_slice(&work.x[piece.at..piece.at + piece.rows.len()]);
         }
-        self.children.iter().zip(&work.children).for_each(|(child, work)| child.branch.give(work, x));
+        self.children.iter().zip(&work.children).for_each(|(child, work)| child.branch.scatter(work, x));
     }
 }
 

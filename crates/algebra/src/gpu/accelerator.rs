@@ -139,7 +139,7 @@ impl Accelerator {
         if count == 0 || d < least {
             return None;
         }
-        self.engine().filter(|engine| engine.wants(d, count))
+        self.engine().filter(|engine| engine.prefers_device(d, count))
     }
 
     fn least_columns(&self) -> usize {

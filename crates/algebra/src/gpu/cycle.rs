@@ -18,14 +18,14 @@ use crate::{Multigrid, SparseMatrix, SparseRows};
 
 /// The hierarchy on the device, with memory for one panel.
 pub(super) struct DeviceCycle {
-    levels: Vec<Level>,
+    levels: Vec<DeviceLevel>,
     coarsest: Option<CoarsestLevel>,
     /// σ of each column.
     sigmas: Buffer<f32>,
 }
 
 /// One level. The right-hand side of the finest one comes from outside.
-pub(super) struct Level {
+pub(super) struct DeviceLevel {
     starts: Buffer<u32>,
     columns: Buffer<u32>,
     values: Buffer<f32>,
@@ -87,10 +87,10 @@ impl DeviceCycle {
             columns: stiffness.indices().to_vec(),
             values: stiffness.values().par_iter().with_min_len(1 << 14).map(|&value| value as f32).collect(),
         };
-        let first = Level::new(device, rows, &finest.diagonal, width, false)?;
+        let first = DeviceLevel::new(device, rows, &finest.diagonal, width, false)?;
         let mut levels = vec![first];
         for level in &hierarchy.levels {
-            levels.push(Level::new(device, Rows::of(&level.matrix), &level.diagonal, width, true)?);
+            levels.push(DeviceLevel::new(device, Rows::of(&level.matrix), &level.diagonal, width, true)?);
         }
         let down = std::iter::once(Some(&finest.prolongation));
         let down = down.chain(hierarchy.levels.iter().map(|level| level.prolongation.as_ref()));
@@ -131,7 +131,7 @@ impl DeviceCycle {
 
 /// Solves the first of some levels approximately; `right` is given for the finest one.
 fn descend(
-    levels: &mut [Level],
+    levels: &mut [DeviceLevel],
     coarsest: Option<&CoarsestLevel>,
     sigmas: &Buffer<f32>,
     recorder: &mut Recorder<'_>,
@@ -163,7 +163,7 @@ fn descend(
     Ok(())
 }
 
-impl Level {
+impl DeviceLevel {
     pub(super) fn new(
         device: &Device,
         rows: Rows,
@@ -237,14 +237,14 @@ fn pass_over(
     recorder: &mut Recorder<'_>,
     pass: Pass,
     (beta, gamma, floor): (f32, f32, f32),
-    level: &Level,
+    level: &DeviceLevel,
     diagonal: &Buffer<f32>,
     sigmas: &Buffer<f32>,
     [right, x, out]: [&DeviceMatrix<f32>; 3],
 ) -> Result<(), GpuError> {
     #[repr(C)]
     #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-    struct Shape {
+    struct Uniforms {
         end: u32,
         width: u32,
         first: u32,
@@ -274,7 +274,7 @@ fn pass_over(
     let at_once = recorder.rows_at_once(row_seconds, rows_of_group);
     for first in (0..rows).step_by(at_once) {
         let count = at_once.min(rows - first);
-        let shape = Shape {
+        let uniforms = Uniforms {
             end: (first + count) as u32,
             width: width as u32,
             first: first as u32,
@@ -284,7 +284,7 @@ fn pass_over(
             gamma,
         };
         let groups = (count.div_ceil(rows_of_group) as u32, 1, 1);
-        recorder.dispatch(&kernel, &bound, bytemuck::bytes_of(&shape), groups, row_seconds * count as f64)?;
+        recorder.dispatch(&kernel, &bound, bytemuck::bytes_of(&uniforms), groups, row_seconds * count as f64)?;
     }
     Ok(())
 }
@@ -320,7 +320,7 @@ impl CoarsestLevel {
     fn solve(
         &self,
         recorder: &mut Recorder<'_>,
-        level: &Level,
+        level: &DeviceLevel,
         sigmas: &Buffer<f32>,
         right: &DeviceMatrix<f32>,
     ) -> Result<(), GpuError> {

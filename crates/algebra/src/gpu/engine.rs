@@ -19,7 +19,7 @@ use crate::{DenseMatrix, MassMatrix, PanelMatrix, SparseMatrix};
 const LARGEST_RESIDUAL: f64 = 1e-10;
 
 /// Columns on the device.
-pub(super) type Held = Columns;
+pub(super) type DeviceColumns = Columns;
 
 /// An opened device.
 pub(super) struct Engine {
@@ -68,7 +68,7 @@ impl Engine {
     }
 
     /// Whether a problem of size `d` should run here.
-    pub(super) fn wants(&self, d: usize, count: usize) -> bool {
+    pub(super) fn prefers_device(&self, d: usize, count: usize) -> bool {
         self.precision(d, count).is_some()
     }
 
@@ -77,7 +77,7 @@ impl Engine {
         match &self.speeds {
             Some(speeds) => speeds.best(d, count),
             None if self.device.adapter().f64 => Some(Precision::Double),
-            None => refine::suits(d, count).then_some(Precision::Single),
+            None => refine::refinement_pays(d, count).then_some(Precision::Single),
         }
     }
 
@@ -96,25 +96,40 @@ impl Engine {
     }
 
     /// Brings columns to the device.
-    pub(super) fn hold(&self, x: &PanelMatrix) -> Result<Held, GpuError> {
+    pub(super) fn hold(&self, x: &PanelMatrix) -> Result<DeviceColumns, GpuError> {
         let _turn = self.turn();
         Columns::new(&self.device, x)
     }
 
     /// `XᵀAX`.
-    pub(super) fn stiffness(&self, x: &Held, a: &SparseMatrix, monitor: &dyn Monitor) -> Result<DenseMatrix, GpuError> {
+    pub(super) fn stiffness(
+        &self,
+        x: &DeviceColumns,
+        a: &SparseMatrix,
+        monitor: &dyn Monitor,
+    ) -> Result<DenseMatrix, GpuError> {
         let _turn = self.turn();
         x.stiffness(&self.device, a, monitor)
     }
 
     /// `XᵀMX`.
-    pub(super) fn mass(&self, x: &Held, mass: &MassMatrix, monitor: &dyn Monitor) -> Result<DenseMatrix, GpuError> {
+    pub(super) fn mass(
+        &self,
+        x: &DeviceColumns,
+        mass: &MassMatrix,
+        monitor: &dyn Monitor,
+    ) -> Result<DenseMatrix, GpuError> {
         let _turn = self.turn();
         x.mass(&self.device, mass, monitor)
     }
 
     /// `XZ`, back on this machine.
-    pub(super) fn rotate(&self, x: &Held, z: &DenseMatrix, monitor: &dyn Monitor) -> Result<PanelMatrix, GpuError> {
+    pub(super) fn rotate(
+        &self,
+        x: &DeviceColumns,
+        z: &DenseMatrix,
+        monitor: &dyn Monitor,
+    ) -> Result<PanelMatrix, GpuError> {
         let _turn = self.turn();
         x.times(&self.device, z, monitor)?.read(&self.device)
     }

@@ -10,7 +10,7 @@ pub(super) struct Faults {
 }
 
 /// Counts down, and tells whether it is time.
-fn due(count: &mut Option<u32>) -> bool {
+fn count_down(count: &mut Option<u32>) -> bool {
     match count {
         Some(0) => {
             *count = None;
@@ -49,12 +49,12 @@ impl Faults {
         std::mem::take(&mut self.spoil)
     }
     pub(super) fn lost(&mut self) -> bool {
-        due(&mut self.lost)
+        count_down(&mut self.lost)
     }
     pub(super) fn memory(&mut self) -> bool {
-        due(&mut self.memory)
+        count_down(&mut self.memory)
     }
     pub(super) fn timed_out(&mut self) -> bool {
-        due(&mut self.time)
+        count_down(&mut self.time)
     }
 }

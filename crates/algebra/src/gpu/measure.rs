@@ -269,7 +269,7 @@ impl Panels {
     fn add_density(&self, recorder: &mut Recorder<'_>, density: &Buffer<f64>) -> Result<(), GpuError> {
         #[repr(C)]
         #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-        struct Shape {
+        struct Uniforms {
             first: u32,
             end: u32,
             width: u32,
@@ -285,9 +285,9 @@ impl Panels {
         let at_once = recorder.rows_at_once(row_seconds, rows_of_group);
         for first in (0..rows).step_by(at_once) {
             let count = at_once.min(rows - first);
-            let shape = Shape { first: first as u32, end: (first + count) as u32, width: width as u32 };
+            let uniforms = Uniforms { first: first as u32, end: (first + count) as u32, width: width as u32 };
             let groups = (count.div_ceil(rows_of_group) as u32, 1, 1);
-            recorder.dispatch(&kernel, &bound, bytemuck::bytes_of(&shape), groups, row_seconds * count as f64)?;
+            recorder.dispatch(&kernel, &bound, bytemuck::bytes_of(&uniforms), groups, row_seconds * count as f64)?;
         }
         Ok(())
     }
@@ -403,7 +403,7 @@ impl DevicePencil {
     ) -> Result<Parts<N>, GpuError> {
         #[repr(C)]
         #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-        struct Shape {
+        struct Uniforms {
             first: u32,
             end: u32,
             width: u32,
@@ -438,7 +438,7 @@ impl DevicePencil {
         let mut part = 0;
         for first in (0..rows).step_by(at_once) {
             let (count, groups) = (at_once.min(rows - first), groups_of(first));
-            let shape = Shape {
+            let uniforms = Uniforms {
                 first: first as u32,
                 end: (first + count) as u32,
                 width: width as u32,
@@ -448,7 +448,7 @@ impl DevicePencil {
                 exact: u32::from(self.trees.is_some()),
             };
             let seconds = row_seconds * count as f64;
-            recorder.dispatch(&kernel, &bound, bytemuck::bytes_of(&shape), (groups as u32, 1, 1), seconds)?;
+            recorder.dispatch(&kernel, &bound, bytemuck::bytes_of(&uniforms), (groups as u32, 1, 1), seconds)?;
             part += groups;
         }
         drop(bound);

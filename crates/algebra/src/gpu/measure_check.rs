@@ -33,7 +33,7 @@ struct Sums {
 impl Sums {
     const NONE: Self = Self { values: [0.0; ALL], slack: [0.0; ALL] };
 
-    fn and(mut self, other: Self) -> Self {
+    fn added(mut self, other: Self) -> Self {
         for k in 0..ALL {
             self.values[k] = match k {
                 LEAST => self.values[k].min(other.values[k]),
@@ -100,7 +100,7 @@ pub(super) fn check(
             slack: terms.map(|(value, noise)| LARGEST_DIFFERENCE * value.abs() + noise),
         }
     };
-    let mut expected = (0..y.len()).into_par_iter().map(row).reduce(|| Sums::NONE, Sums::and);
+    let mut expected = (0..y.len()).into_par_iter().map(row).reduce(|| Sums::NONE, Sums::added);
     if let Some(trees) = &pencil.trees {
         let base = pairs.sigmas[pair] / pencil.mass.lumped_ratio();
         let (value, noise) = by_trees(trees, |row| base * pencil.lumped[row], base, left);

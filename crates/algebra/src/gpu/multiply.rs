@@ -29,7 +29,7 @@ impl Form {
 
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-struct Shape {
+struct Uniforms {
     m: u32,
     n: u32,
     k: u32,
@@ -180,7 +180,7 @@ fn dispatch<T: Real>(
     let rows_at_once = down.min(at_once / columns_at_once).min(most).max(1);
     for row in (0..down).step_by(rows_at_once) {
         for column in (0..across).step_by(columns_at_once) {
-            let shape = Shape {
+            let uniforms = Uniforms {
                 m: c.rows as u32,
                 n: c.columns as u32,
                 k: k as u32,
@@ -200,7 +200,7 @@ fn dispatch<T: Real>(
             let (rows, columns) = (rows_at_once.min(down - row), columns_at_once.min(across - column));
             let seconds = tile_seconds * (rows * columns) as f64;
             let groups = (columns as u32, rows as u32, shares as u32);
-            recorder.dispatch(&kernel, &group, bytemuck::bytes_of(&shape), groups, seconds)?;
+            recorder.dispatch(&kernel, &group, bytemuck::bytes_of(&uniforms), groups, seconds)?;
         }
     }
     Ok(())
@@ -216,7 +216,7 @@ fn fold<T: Real>(
 ) -> Result<(), GpuError> {
     #[repr(C)]
     #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-    struct Shape {
+    struct Uniforms {
         parts: u32,
         count: u32,
         n: u32,
@@ -234,7 +234,7 @@ fn fold<T: Real>(
     let numbers = c.rows * c.columns;
     let at_once = device.limits().groups as usize * VECTOR_THREADS as usize;
     for first in (0..numbers).step_by(at_once) {
-        let shape = Shape {
+        let uniforms = Uniforms {
             parts: count as u32,
             count: numbers as u32,
             n: c.columns as u32,
@@ -246,7 +246,7 @@ fn fold<T: Real>(
         let here = at_once.min(numbers - first);
         let groups = (here.div_ceil(VECTOR_THREADS as usize) as u32, 1, 1);
         let seconds = here as f64 * count as f64 / device.rate::<T>();
-        recorder.dispatch(&kernel, &group, bytemuck::bytes_of(&shape), groups, seconds)?;
+        recorder.dispatch(&kernel, &group, bytemuck::bytes_of(&uniforms), groups, seconds)?;
     }
     Ok(())
 }
@@ -259,7 +259,7 @@ pub(super) fn transpose<T: Real>(
 ) -> Result<(), GpuError> {
     #[repr(C)]
     #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-    struct Shape {
+    struct Uniforms {
         m: u32,
         n: u32,
         a_at: u32,
@@ -275,7 +275,7 @@ pub(super) fn transpose<T: Real>(
             let at_once = (device.limits().groups * TRANSPOSE_EDGE) as usize;
             for row in (0..a_rows).step_by(at_once) {
                 let rows = at_once.min(a_rows - row);
-                let shape = Shape {
+                let uniforms = Uniforms {
                     m: rows as u32,
                     n: c_rows as u32,
                     a_at: (row * a.columns() + c_first) as u32,
@@ -285,7 +285,7 @@ pub(super) fn transpose<T: Real>(
                 };
                 let groups = ((c_rows as u32).div_ceil(TRANSPOSE_EDGE), (rows as u32).div_ceil(TRANSPOSE_EDGE), 1);
                 let seconds = 20.0 * rows as f64 * c_rows as f64 / device.rate::<T>();
-                recorder.dispatch(&kernel, &group, bytemuck::bytes_of(&shape), groups, seconds)?;
+                recorder.dispatch(&kernel, &group, bytemuck::bytes_of(&uniforms), groups, seconds)?;
             }
         }
     }

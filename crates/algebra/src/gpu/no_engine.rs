@@ -28,7 +28,7 @@ pub fn adapters() -> Vec<Adapter> {
 }
 
 /// Nothing is held where there is no device.
-pub(super) enum Held {}
+pub(super) enum DeviceColumns {}
 
 /// No device: none can be opened.
 pub(super) enum Engine {}
@@ -42,7 +42,7 @@ impl Engine {
         match *self {}
     }
 
-    pub(super) fn wants(&self, _: usize, _: usize) -> bool {
+    pub(super) fn prefers_device(&self, _: usize, _: usize) -> bool {
         match *self {}
     }
 
@@ -54,19 +54,24 @@ impl Engine {
         match *self {}
     }
 
-    pub(super) fn hold(&self, _: &PanelMatrix) -> Result<Held, GpuError> {
+    pub(super) fn hold(&self, _: &PanelMatrix) -> Result<DeviceColumns, GpuError> {
         match *self {}
     }
 
-    pub(super) fn stiffness(&self, _: &Held, _: &SparseMatrix, _: &dyn Monitor) -> Result<DenseMatrix, GpuError> {
+    pub(super) fn stiffness(
+        &self,
+        _: &DeviceColumns,
+        _: &SparseMatrix,
+        _: &dyn Monitor,
+    ) -> Result<DenseMatrix, GpuError> {
         match *self {}
     }
 
-    pub(super) fn mass(&self, _: &Held, _: &MassMatrix, _: &dyn Monitor) -> Result<DenseMatrix, GpuError> {
+    pub(super) fn mass(&self, _: &DeviceColumns, _: &MassMatrix, _: &dyn Monitor) -> Result<DenseMatrix, GpuError> {
         match *self {}
     }
 
-    pub(super) fn rotate(&self, _: &Held, _: &DenseMatrix, _: &dyn Monitor) -> Result<PanelMatrix, GpuError> {
+    pub(super) fn rotate(&self, _: &DeviceColumns, _: &DenseMatrix, _: &dyn Monitor) -> Result<PanelMatrix, GpuError> {
         match *self {}
     }
 

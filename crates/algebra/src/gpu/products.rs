@@ -6,7 +6,7 @@ use chladni_base::notes::{DENSE_SOLVER, MEASURED_ON};
 use chladni_base::{Cancelled, Monitor};
 
 use super::Accelerator;
-use super::engine::{Engine, Held};
+use super::engine::{DeviceColumns, Engine};
 use super::error::GpuError;
 use super::pair_sums::{Judge, MeasuredPairs, MeasuredPencil, PairSums};
 use crate::{DenseMatrix, MassMatrix, PanelMatrix, SparseMatrix, panel_products};
@@ -14,7 +14,7 @@ use crate::{DenseMatrix, MassMatrix, PanelMatrix, SparseMatrix, panel_products};
 /// Columns that a device still holds from the product before.
 pub struct Resident {
     engine: Arc<Engine>,
-    held: Held,
+    held: DeviceColumns,
 }
 
 impl Accelerator {

@@ -35,7 +35,7 @@ const BLUR: f64 = 1e-6;
 const GUARD: usize = 4;
 
 /// Whether so many pairs are few enough: with more the last problem in f64 is nearly the first one.
-pub(super) fn suits(d: usize, count: usize) -> bool {
+pub(super) fn refinement_pays(d: usize, count: usize) -> bool {
     3 * count <= 2 * d
 }
 

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use chladni_base::Unwatched;
 
-use super::cycle::{Level, Rows};
+use super::cycle::{DeviceLevel, Rows};
 use super::device::{Buffer, Device};
 use super::error::GpuError;
 use super::kernel::{KernelName, Pass, VECTOR_THREADS};
@@ -18,7 +18,7 @@ use super::recorder::Recorder;
 use super::sparse::DeviceSparse;
 use super::trees::DeviceTrees;
 use super::tridiagonal::Step;
-use super::twin::{self, Place};
+use super::twin::{self, Submatrix};
 use crate::multigrid::Diagonal;
 
 /// Roundings by which a kernel may differ from its twin, for each term of a sum.
@@ -86,7 +86,8 @@ pub(super) fn product<T: Real>(device: &Device, form: Form, (m, n, k): (usize, u
     let (inner_a, inner_b) = (a.part(2, a_rows, 1, a_columns), b.part(1, b_rows, 4, b_columns));
     multiply(&mut recorder, form, c.part(3, m, 2, n), inner_a, inner_b, (-1.0, 1.0))?;
     recorder.finish()?;
-    let at = |row: usize, column: usize, columns: usize| Place { at: row * (columns + 5) + column, pitch: columns + 5 };
+    let at =
+        |row: usize, column: usize, columns: usize| Submatrix { at: row * (columns + 5) + column, pitch: columns + 5 };
     twin::multiply(
         form,
         (m, n, k),
@@ -206,7 +207,7 @@ pub(super) fn smoothing(device: &Device, n: usize, width: usize) -> Result<(), G
         let mut expected = before.clone();
         twin::smooth(pass, factors, (&rows, &diagonal, &sigmas), [&right, &x], &mut expected);
         let own = Rows { starts: rows.starts.clone(), columns: rows.columns.clone(), values: rows.values.clone() };
-        let level = Level::new(device, own, &diagonal, width, false)?;
+        let level = DeviceLevel::new(device, own, &diagonal, width, false)?;
         let panels =
             [matrix(device, n, width, &right)?, matrix(device, n, width, &x)?, matrix(device, n, width, &before)?];
         let mut recorder = Recorder::new(device, &Unwatched);

@@ -12,11 +12,11 @@ pub(super) struct DeviceSparse<T> {
     rows: usize,
     columns: usize,
     entries: usize,
-    panels: Vec<Panel<T>>,
+    panels: Vec<SparsePanel<T>>,
 }
 
 /// The columns that meet one panel of the other matrix.
-struct Panel<T> {
+struct SparsePanel<T> {
     starts: Buffer<u32>,
     columns: Buffer<u32>,
     values: Buffer<T>,
@@ -38,7 +38,7 @@ impl<T: Real> DeviceSparse<T> {
         let mut panels = Vec::new();
         for (first, height, _) in like.panels() {
             if one {
-                panels.push(Panel::new(device, starts, places, values)?);
+                panels.push(SparsePanel::new(device, starts, places, values)?);
                 continue;
             }
             let (mut cut_starts, mut cut_places, mut cut_values) = (vec![0u32], Vec::new(), Vec::new());
@@ -52,7 +52,7 @@ impl<T: Real> DeviceSparse<T> {
                 }
                 cut_starts.push(cut_places.len() as u32);
             }
-            panels.push(Panel::new(device, &cut_starts, &cut_places, &cut_values)?);
+            panels.push(SparsePanel::new(device, &cut_starts, &cut_places, &cut_values)?);
         }
         Ok(Self { rows, columns, entries: values.len(), panels })
     }
@@ -67,7 +67,7 @@ impl<T: Real> DeviceSparse<T> {
     ) -> Result<(), GpuError> {
         #[repr(C)]
         #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-        struct Shape {
+        struct Uniforms {
             rows: u32,
             n: u32,
             a_pitch: u32,
@@ -105,7 +105,7 @@ impl<T: Real> DeviceSparse<T> {
                 );
                 for first in (0..c_rows).step_by(at_once) {
                     let count = at_once.min(c_rows - first);
-                    let shape = Shape {
+                    let uniforms = Uniforms {
                         rows: (c_first + first + count) as u32,
                         n: n as u32,
                         a_pitch: n as u32,
@@ -119,7 +119,7 @@ impl<T: Real> DeviceSparse<T> {
                     };
                     let groups = (count.div_ceil(rows_of_group) as u32, 1, 1);
                     let seconds = row_seconds * count as f64;
-                    recorder.dispatch(&kernel, &group, bytemuck::bytes_of(&shape), groups, seconds)?;
+                    recorder.dispatch(&kernel, &group, bytemuck::bytes_of(&uniforms), groups, seconds)?;
                 }
             }
         }
@@ -127,7 +127,7 @@ impl<T: Real> DeviceSparse<T> {
     }
 }
 
-impl<T: Real> Panel<T> {
+impl<T: Real> SparsePanel<T> {
     fn new(device: &Device, starts: &[u32], places: &[u32], values: &[T]) -> Result<Self, GpuError> {
         Ok(Self { starts: upload(device, starts)?, columns: upload(device, places)?, values: upload(device, values)? })
     }

@@ -81,7 +81,8 @@ impl Speeds {
     /// How the device should solve for `count` pairs of a problem of size `d`; not at all where the CPU is faster.
     pub(super) fn best(&self, d: usize, count: usize) -> Option<Precision> {
         let (size, pairs) = (d as f64, count as f64);
-        let single = refine::suits(d, count).then(|| (self.single_seconds(size, pairs), Some(Precision::Single)));
+        let single =
+            refine::refinement_pays(d, count).then(|| (self.single_seconds(size, pairs), Some(Precision::Single)));
         let double = self.double.map(|rates| (self.double_seconds(rates, size, pairs), Some(Precision::Double)));
         let cpu = (self.cpu_seconds * size.powi(3), None);
         [Some(cpu), single, double].into_iter().flatten().min_by(|x, y| x.0.total_cmp(&y.0)).and_then(|best| best.1)

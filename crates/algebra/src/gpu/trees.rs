@@ -151,7 +151,7 @@ impl DeviceTrees {
     ) -> Result<(), GpuError> {
         #[repr(C)]
         #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-        struct Shape {
+        struct Uniforms {
             first: u32,
             width: u32,
             sigmas: u32,
@@ -165,9 +165,9 @@ impl DeviceTrees {
         let portion = recorder.rows_at_once(patch_seconds, 1);
         for first in (0..self.count).step_by(portion) {
             let groups = portion.min(self.count - first);
-            let shape = Shape { first: first as u32, width: width as u32, sigmas: self.sigmas as u32 };
+            let uniforms = Uniforms { first: first as u32, width: width as u32, sigmas: self.sigmas as u32 };
             let seconds = patch_seconds * groups as f64;
-            recorder.dispatch(&kernel, &bound, bytemuck::bytes_of(&shape), (groups as u32, 1, 1), seconds)?;
+            recorder.dispatch(&kernel, &bound, bytemuck::bytes_of(&uniforms), (groups as u32, 1, 1), seconds)?;
         }
         Ok(())
     }

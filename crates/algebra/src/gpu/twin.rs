@@ -10,12 +10,12 @@ use crate::multigrid::Diagonal;
 
 /// A part of a row-major matrix in a slice: where it begins, and how far its rows are apart.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Place {
+pub(super) struct Submatrix {
     pub(super) at: usize,
     pub(super) pitch: usize,
 }
 
-impl Place {
+impl Submatrix {
     fn of(self, row: usize, column: usize) -> usize {
         self.at + row * self.pitch + column
     }
@@ -25,9 +25,9 @@ impl Place {
 pub(super) fn multiply<T: Real>(
     form: Form,
     (m, n, k): (usize, usize, usize),
-    (a, at_a): (&[T], Place),
-    (b, at_b): (&[T], Place),
-    (c, at_c): (&mut [T], Place),
+    (a, at_a): (&[T], Submatrix),
+    (b, at_b): (&[T], Submatrix),
+    (c, at_c): (&mut [T], Submatrix),
     (alpha, beta): (f64, f64),
 ) {
     for i in 0..m {
@@ -133,7 +133,7 @@ pub(super) fn trees(
 }
 
 /// The work space of the reduction, by its parts.
-struct Places {
+struct ReductionWorkspace {
     d: usize,
     nb: usize,
     product: usize,
@@ -146,7 +146,7 @@ struct Places {
     tau: usize,
 }
 
-impl Places {
+impl ReductionWorkspace {
     fn of(step: &Step) -> Self {
         let (d, nb) = (step.d as usize, step.nb as usize);
         let (norms, diagonal) = (3 * d + 2 * nb, step.at_diagonal());
@@ -178,7 +178,7 @@ fn partial_sums<T: Real>(values: &[T], into: &mut [T]) {
 
 /// The kernel `column`.
 pub(super) fn column<T: Real>(step: &Step, a: &[T], vw: &mut [T], work: &mut [T]) {
-    let at = Places::of(step);
+    let at = ReductionWorkspace::of(step);
     let (j, l, d, groups) = (step.j as usize, step.l as usize, at.d, step.groups as usize);
     let half =
         if l > 0 { T::of(0.5) * work[at.tau + j - 1] * sum(&work[at.parts..at.parts + groups]) } else { T::of(0.0) };
@@ -205,7 +205,7 @@ pub(super) fn column<T: Real>(step: &Step, a: &[T], vw: &mut [T], work: &mut [T]
 
 /// The kernel `reflect`.
 pub(super) fn reflect<T: Real>(step: &Step, a: &[T], vw: &mut [T], work: &mut [T]) {
-    let at = Places::of(step);
+    let at = ReductionWorkspace::of(step);
     let (j, l, d) = (step.j as usize, step.l as usize, at.d);
     let first = j + 1;
     let square = sum(&work[at.norms..at.norms + step.groups as usize]);
@@ -247,7 +247,7 @@ pub(super) fn reflect<T: Real>(step: &Step, a: &[T], vw: &mut [T], work: &mut [T
 
 /// The kernel `combine`.
 pub(super) fn combine<T: Real>(step: &Step, vw: &[T], work: &mut [T]) {
-    let at = Places::of(step);
+    let at = ReductionWorkspace::of(step);
     let (j, l, d) = (step.j as usize, step.l as usize, at.d);
     let mut along = Vec::with_capacity(d - j);
     for i in j + 1..d {

@@ -36,7 +36,7 @@ const SHARED_WORK: usize = 1 << 22;
 
 /// What is known of a factor once its columns were eliminated.
 #[derive(Debug, Default, Clone, Copy, PartialEq)]
-pub(super) struct Found {
+pub(super) struct FactorSummary {
     /// The largest `l²|d|`.
     pub growth: f64,
     /// Negative pivots.
@@ -45,8 +45,8 @@ pub(super) struct Found {
     pub error: f64,
 }
 
-impl Found {
-    fn and(self, other: Self) -> Self {
+impl FactorSummary {
+    fn merged(self, other: Self) -> Self {
         Self {
             growth: self.growth.max(other.growth),
             below: self.below + other.below,
@@ -108,7 +108,7 @@ pub(super) fn factor(
     lower: &[f64],
     (mut values, mut inverse): (&mut [f64], &mut [f64]),
     monitor: &dyn Monitor,
-) -> Result<Found, Stopped> {
+) -> Result<FactorSummary, Stopped> {
     let pieces = plan.pieces.iter().map(|piece| {
         let nodes = &symbolic.nodes[piece.clone()];
         let entries = nodes.iter().map(|node| node.columns * (node.columns + node.pattern.1)).sum();
@@ -135,7 +135,7 @@ pub(super) fn count(
     lower: &[f64],
     errors: &RowErrors<'_>,
     monitor: &dyn Monitor,
-) -> Result<Found, Stopped> {
+) -> Result<FactorSummary, Stopped> {
     let (stopped, spare) = (AtomicBool::new(false), Mutex::default());
     let job = Job { symbolic, plan, lower, pieces: None, errors: Some(errors), stopped, monitor, spare };
     job.chain(&plan.root).map(|(_, found)| found)
@@ -143,7 +143,7 @@ pub(super) fn count(
 
 impl<'a> Job<'a> {
     /// All that hangs on a chain, and then the chain: what its last supernode leaves for the one above.
-    fn chain(&self, chain: &Chain) -> Result<(Option<Update>, Found), Stopped> {
+    fn chain(&self, chain: &Chain) -> Result<(Option<Update>, FactorSummary), Stopped> {
         let (below, tasks) = rayon::join(
             || -> Result<Vec<_>, Stopped> {
                 chain.below.par_iter().with_max_len(1).map(|chain| self.chain(chain)).collect()
@@ -153,16 +153,16 @@ impl<'a> Job<'a> {
             },
         );
         let (below, tasks) = (below?, tasks?);
-        let mut found = Found::default();
+        let mut found = FactorSummary::default();
         let mut children: Vec<Update> = Vec::new();
         for (update, of) in below {
             children.extend(update);
-            found = found.and(of);
+            found = found.merged(of);
         }
         let mut hanging = Vec::new();
         for (updates, of) in tasks {
             hanging.extend(updates);
-            found = found.and(of);
+            found = found.merged(of);
         }
         let mut hanging = hanging.into_iter().peekable();
         let mut workspace = self.workspace();
@@ -173,7 +173,7 @@ impl<'a> Job<'a> {
                 children.push(update);
             }
             let (update, of) = self.front(at, piece, &children, &mut workspace, memory)?;
-            found = found.and(of);
+            found = found.merged(of);
             // The largest matrix that is not needed any more is the memory of the next.
             let spare = children.drain(..).map(|child| child.values).max_by_key(Vec::len);
             memory = spare.unwrap_or_default();
@@ -184,14 +184,14 @@ impl<'a> Job<'a> {
     }
 
     /// Subtrees one after the other: what their tops leave.
-    fn task(&self, task: &Task) -> Result<(Vec<Update>, Found), Stopped> {
+    fn task(&self, task: &Task) -> Result<(Vec<Update>, FactorSummary), Stopped> {
         let mut workspace = self.workspace();
-        let mut found = Found::default();
+        let mut found = FactorSummary::default();
         let mut updates = Vec::with_capacity(task.pieces.len());
         for &piece in &task.pieces {
             self.go_on()?;
             let range = self.plan.pieces[piece].clone();
-            found = found.and(self.subtree(range.clone(), piece, &mut workspace)?);
+            found = found.merged(self.subtree(range.clone(), piece, &mut workspace)?);
             updates.push(workspace.top(range.end - 1, self.below(range.end - 1), self.errors.is_some()));
         }
         self.keep(workspace);
@@ -210,7 +210,7 @@ impl<'a> Job<'a> {
         children: &[Update],
         workspace: &mut Workspace,
         mut memory: Vec<f64>,
-    ) -> Result<(Update, Found), Stopped> {
+    ) -> Result<(Update, FactorSummary), Stopped> {
         let node = &self.symbolic.nodes[at];
         let rows = node.columns + node.pattern.1;
         let parallel = node.columns * rows * rows >= SHARED_WORK;
@@ -252,8 +252,8 @@ impl<'a> Job<'a> {
     }
 
     /// A small subtree; the update of its top is left on a stack.
-    fn subtree(&self, range: Range<usize>, piece: usize, workspace: &mut Workspace) -> Result<Found, Stopped> {
-        let mut found = Found::default();
+    fn subtree(&self, range: Range<usize>, piece: usize, workspace: &mut Workspace) -> Result<FactorSummary, Stopped> {
+        let mut found = FactorSummary::default();
         let mut piece = self.piece(piece);
         let first = self.symbolic.nodes[range.start];
         let Workspace { stacks: [even, odd], scratch, places, front } = workspace;
@@ -295,7 +295,7 @@ impl<'a> Job<'a> {
                 }
                 own_found.error = sums.finish(node, values);
             }
-            found = found.and(own_found);
+            found = found.merged(own_found);
             if let Some(&(_, from)) = children.first() {
                 other.used = from;
             }
@@ -380,12 +380,12 @@ impl<'a> Job<'a> {
     }
 }
 
-fn found_in(values: &[f64], rows: usize, inverse: &mut [f64]) -> Found {
+fn found_in(values: &[f64], rows: usize, inverse: &mut [f64]) -> FactorSummary {
     for (column, inverse) in inverse.iter_mut().enumerate() {
         *inverse = values[column * rows + column].recip();
     }
     let (growth, below) = rows::growth(values, rows);
-    Found { growth, below, error: 0.0 }
+    FactorSummary { growth, below, error: 0.0 }
 }
 
 impl Stack {

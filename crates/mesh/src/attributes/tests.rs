@@ -14,7 +14,7 @@ fn raw(text: &str) -> RawMesh {
     read(text.as_bytes(), MeshFormat::Obj, &ReadLimits::default()).unwrap()
 }
 
-fn kept(text: &str, options: CheckOptions) -> CheckedMesh {
+fn checked(text: &str, options: CheckOptions) -> CheckedMesh {
     check(raw(text), &options).unwrap()
 }
 
@@ -82,7 +82,8 @@ proptest! {
     fn every_kept_corner_has_what_its_corner_of_the_file_had(seed in any::<u64>(), merge in any::<bool>()) {
         let (text, polygons) = disturbed(seed);
         let merge = if merge { Merge::Always } else { Merge::Never };
-        let CheckedMesh { mesh, numbering, attributes, .. } = kept(&text, CheckOptions { merge, ..CheckOptions::default() });
+        let options = CheckOptions { merge, ..CheckOptions::default() };
+        let CheckedMesh { mesh, numbering, attributes, .. } = checked(&text, options);
         let attributes = attributes.unwrap();
         let layer = attributes.texture.as_ref().unwrap();
         prop_assert_eq!(layer.corners.len(), mesh.faces.len());
@@ -159,7 +160,7 @@ const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
 #[test]
 fn what_is_not_there_is_counted_and_refuses_nothing() {
     let text = format!("{SQUARE}vt 0 0\nvt nan 0\nvt x\nvt 0.5\nvn 0 0\nf 1/1/1 2/2/9 3/3/-5\nf 1/4 3/x 4/0");
-    let CheckedMesh { report, attributes, .. } = kept(&text, CheckOptions::default());
+    let CheckedMesh { report, attributes, .. } = checked(&text, CheckOptions::default());
     let report = report.attributes.unwrap();
     assert_eq!((report.texture_coordinates, report.normals, report.missing), (4, 0, 7));
     let layer = attributes.unwrap().texture.unwrap();
@@ -167,10 +168,10 @@ fn what_is_not_there_is_counted_and_refuses_nothing() {
     assert_eq!(layer.values[3], [0.5, 0.0]);
 
     // Only references without an aim: nothing to keep, but told.
-    let CheckedMesh { report, attributes, .. } = kept(&format!("{SQUARE}f 1/1 2/2 3/3"), CheckOptions::default());
+    let CheckedMesh { report, attributes, .. } = checked(&format!("{SQUARE}f 1/1 2/2 3/3"), CheckOptions::default());
     assert_eq!((report.attributes.unwrap().missing, attributes), (3, None));
     for plain in ["vt 0 0\nvn 0 0 1\nmtllib a.mtl\nf 1 2 3", "g\no\nusemtl\nf 1 2 3\ng later", "g a\ng\nf 1 2 3"] {
-        let CheckedMesh { report, attributes, .. } = kept(&format!("{SQUARE}{plain}"), CheckOptions::default());
+        let CheckedMesh { report, attributes, .. } = checked(&format!("{SQUARE}{plain}"), CheckOptions::default());
         assert_eq!((report.attributes, attributes), (None, None), "{plain}");
     }
 }
@@ -193,7 +194,8 @@ fn subdivision_puts_values_between_those_of_its_ends() {
     let text = format!(
         "{SQUARE}vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvt 7 7\nvn 1 0 1\ng a\nf 1/1/1 2/2/1 3/3/1\ng b\nf 1/1 3/5 4/4"
     );
-    let CheckedMesh { mesh, attributes, .. } = kept(&text, CheckOptions { subdivisions: 2, ..CheckOptions::default() });
+    let CheckedMesh { mesh, attributes, .. } =
+        checked(&text, CheckOptions { subdivisions: 2, ..CheckOptions::default() });
     let attributes = attributes.unwrap();
     let layer = attributes.texture.as_ref().unwrap();
     for (f, (face, corners)) in mesh.faces.iter().zip(&layer.corners).enumerate() {
@@ -303,7 +305,7 @@ fn glb_splits_vertices_at_seams_and_names_its_parts() {
     let text = format!(
         "{SQUARE}vt 0 0\nvt 1 0\nvt 1 1\nvt 0.25 0.75\nvn 0 0 3\nusemtl red\no half\nf 1/1/1 2/2/1 3/3/1\ng other\nf 1/4/1 3/3/1 4"
     );
-    let CheckedMesh { mesh, attributes, .. } = kept(&text, CheckOptions::default());
+    let CheckedMesh { mesh, attributes, .. } = checked(&text, CheckOptions::default());
     let attributes = attributes.unwrap();
     let mut glb = Vec::new();
     write_glb(&mesh, Some(&attributes), &mut glb).unwrap();
@@ -332,7 +334,7 @@ fn ply_has_texture_coordinates_of_vertices_or_at_seams_of_corners() {
         let text = format!(
             "{SQUARE}vt 0 0\nvt 1 0\nvt 1 1\nvt 5 6\nvn 0 0 1\nvn 0 1 0\ng a\nf 1/1/1 2/2/1 3/3/1\nf {last}/2 3/3/2 4/2/2"
         );
-        let CheckedMesh { mesh, attributes, .. } = kept(&text, CheckOptions::default());
+        let CheckedMesh { mesh, attributes, .. } = checked(&text, CheckOptions::default());
         let attributes = attributes.unwrap();
         let mut ply = Vec::new();
         write_ply_attributed(&mesh, Some(&[[1, 2, 3]; 4]), &attributes, PlyPrecision::Double, &mut ply).unwrap();
@@ -364,7 +366,7 @@ fn ply_has_texture_coordinates_of_vertices_or_at_seams_of_corners() {
 #[test]
 fn attributes_of_other_faces_are_refused() {
     let CheckedMesh { mut mesh, attributes, .. } =
-        kept(&format!("{SQUARE}vt 0 0\ng a\nf 1/1 2/1 3/1\ng b\nf 1 3 4"), CheckOptions::default());
+        checked(&format!("{SQUARE}vt 0 0\ng a\nf 1/1 2/1 3/1\ng b\nf 1 3 4"), CheckOptions::default());
     mesh.faces.pop();
     for format in [SurfaceFormat::Obj, SurfaceFormat::Ply, SurfaceFormat::Glb] {
         let refused = format.write(&mesh, attributes.as_ref(), PlyPrecision::Single, &mut Vec::new()).unwrap_err();

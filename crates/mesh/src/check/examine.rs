@@ -41,7 +41,7 @@ pub(super) fn examine(raw: RawMesh, options: &CheckOptions) -> Examined {
         given,
         positions: raw.positions,
         faces: Faces::new(raw.faces),
-        found: Found::default(),
+        found: Findings::default(),
         vertex_map: None,
         unused: Vec::new(),
     };
@@ -83,7 +83,7 @@ struct Examination {
     given: [usize; 2],
     positions: Vec<[f64; 3]>,
     faces: Faces,
-    found: Found,
+    found: Findings,
     /// Where each vertex of the input went, unless all are where they were.
     vertex_map: Option<Vec<u32>>,
     /// The positions of vertices of the input that no face uses, by ascending number, and these.
@@ -254,8 +254,8 @@ impl Examination {
         options: &CheckOptions,
     ) -> Examined {
         let nearest = self.nearest_left();
-        let Self { given, positions, faces, vertex_map, found: Found { mut error, .. }, .. } = self;
-        let numbered = numbering::Found {
+        let Self { given, positions, faces, vertex_map, found: Findings { mut error, .. }, .. } = self;
+        let numbered = numbering::MeshNumbering {
             file: [given[0], polygons.as_ref().map_or(given[1], |polygons| polygons.count)],
             vertices: vertex_map,
             faces: face_origins(&faces, polygons),
@@ -315,14 +315,14 @@ fn subdivide(mesh: &mut TriangleMesh, report: &mut MeshReport, options: &CheckOp
 
 /// What was found and mended so far.
 #[derive(Default)]
-pub(super) struct Found {
+pub(super) struct Findings {
     pub defects: Vec<Defect>,
     pub repairs: Vec<Repair>,
     /// The first reason to refuse the mesh.
     pub error: Option<MeshError>,
 }
 
-impl Found {
+impl Findings {
     pub fn refuse(&mut self, error: MeshError) {
         self.error.get_or_insert(error);
     }
@@ -335,7 +335,7 @@ impl Found {
 }
 
 /// Counts vertices that are not finite or out of range, and refuses the mesh if a face uses one.
-fn refuse_bad_coordinates(positions: &[[f64; 3]], faces: &Faces, options: &CheckOptions, found: &mut Found) {
+fn refuse_bad_coordinates(positions: &[[f64; 3]], faces: &Faces, options: &CheckOptions, found: &mut Findings) {
     let largest = options.largest_coordinate;
     // The comparison is false for NaN.
     let bad = |v: usize| !positions[v].iter().all(|x| x.abs() <= largest);

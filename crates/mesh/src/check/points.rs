@@ -3,13 +3,13 @@
 use chladni_base::Unwatched;
 use chladni_base::parallel::*;
 
-use super::examine::{Examined, Found, tally};
+use super::examine::{Examined, Findings, tally};
 use super::extent::{bounding_box, total_area};
 use super::{CheckOptions, CheckedMesh, Merge, MeshError};
 use crate::TriangleMesh;
 use crate::connected::Components;
 use crate::numbering::{self, Numbering, nearest_vertices};
-use crate::points::{COVERS, Known, MOST_DISPUTED, disputed, local_triangles};
+use crate::points::{COVERS, KnownTriangles, MOST_DISPUTED, disputed, local_triangles};
 use crate::read::RawMesh;
 use crate::repair::{DROPPED, equal_positions};
 use crate::report::{DefectKind, FileSize, MeshReport, RepairKind};
@@ -65,19 +65,19 @@ fn examine_points(positions: Vec<[f64; 3]>, options: &CheckOptions) -> Examined 
         attributes: None,
         error: None,
     };
-    let mut found = Found::default();
-    examined.error = settle(positions, options, &mut examined, &mut found).err();
+    let mut found = Findings::default();
+    examined.error = repair_points(positions, options, &mut examined, &mut found).err();
     found.defects.sort_by_key(|defect| defect.kind);
     (examined.report.defects, examined.report.repairs) = (found.defects, found.repairs);
     examined.report.euler_characteristic = examined.report.vertices as i64;
     examined
 }
 
-fn settle(
+fn repair_points(
     positions: Vec<[f64; 3]>,
     options: &CheckOptions,
     examined: &mut Examined,
-    found: &mut Found,
+    found: &mut Findings,
 ) -> Result<(), MeshError> {
     let given = positions.len();
     if given >= DROPPED as usize {
@@ -144,10 +144,11 @@ fn settle(
     }
     report.components = components.roots().count();
     let moved = order.len() != given || map.iter().enumerate().any(|(point, &own)| own != point as u32);
-    let maps = numbering::Found { file: [given, 0], vertices: moved.then_some(map), faces: None, nearest, inner: 0 };
+    let maps =
+        numbering::MeshNumbering { file: [given, 0], vertices: moved.then_some(map), faces: None, nearest, inner: 0 };
     examined.numbering = Numbering::found(maps, [order.len(), 0]);
     report.file = FileSize::of(&examined.numbering);
-    let (positions, local) = Known::new(local);
+    let (positions, local) = KnownTriangles::new(local);
     examined.mesh = TriangleMesh { positions, local, ..Default::default() };
     Ok(())
 }
@@ -174,7 +175,7 @@ fn triangulated(positions: &[[f64; 3]], order: &mut Vec<u32>) -> Result<(Triangl
 }
 
 /// Counts points that are not finite or too far out, and refuses the first.
-fn refuse_far(positions: &[[f64; 3]], options: &CheckOptions, found: &mut Found) -> Result<(), MeshError> {
+fn refuse_far(positions: &[[f64; 3]], options: &CheckOptions, found: &mut Findings) -> Result<(), MeshError> {
     let largest = options.largest_coordinate;
     // The comparison is false for NaN.
     let far = |point: &u32| !positions[*point as usize].iter().all(|x| x.abs() <= largest);

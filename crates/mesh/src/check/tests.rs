@@ -9,7 +9,7 @@ fn corners() -> Vec<[f64; 3]> {
 }
 
 /// For each vertex of the file its kept one.
-fn kept(numbering: &Numbering) -> Vec<u32> {
+fn vertex_map(numbering: &Numbering) -> Vec<u32> {
     numbering.vertex_map().map(|kept| kept.unwrap_or(DROPPED)).collect()
 }
 
@@ -52,7 +52,7 @@ fn what_carries_no_surface_is_dropped_and_listed_in_the_numbers_of_the_input() {
     faces.push([0, 2, 0]);
     let CheckedMesh { mesh, report, numbering, .. } = checked(raw(positions, faces));
     assert_eq!((mesh.positions, mesh.faces), (corners(), TETRAHEDRON.to_vec()));
-    assert_eq!(kept(&numbering), [0, DROPPED, 1, 2, 3, DROPPED]);
+    assert_eq!(vertex_map(&numbering), [0, DROPPED, 1, 2, 3, DROPPED]);
     let examples = |kind| report.defects.iter().find(|d| d.kind == kind).map(|d| d.examples.clone());
     assert_eq!(examples(DefectKind::NonFinite), Some(vec![1]));
     assert_eq!(examples(DefectKind::RepeatedVertex), Some(vec![0, 7]));
@@ -74,7 +74,7 @@ fn equal_positions_are_merged_where_the_format_splits_them_and_hinted_at_elsewhe
     let merged = checked(RawMesh { splits_vertices: true, ..split.clone() });
     assert_eq!((merged.report.vertices, merged.report.genus), (4, Some(0)));
     assert_eq!(merged.report.repairs, [Repair { kind: RepairKind::MergedVertices, count: 8 }]);
-    assert_eq!(kept(&merged.numbering), [0, 1, 2, 0, 2, 3, 2, 1, 3, 1, 0, 3]);
+    assert_eq!(vertex_map(&merged.numbering), [0, 1, 2, 0, 2, 3, 2, 1, 3, 1, 0, 3]);
     let options = CheckOptions { merge: Merge::Always, ..CheckOptions::default() };
     assert_eq!(check(split, &options).unwrap().mesh, merged.mesh);
 }

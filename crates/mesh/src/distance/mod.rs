@@ -97,7 +97,7 @@ pub struct DistanceWorkspace {
     stamp: u32,
     queue: Queue,
     paths: Vec<stvd::Step>,
-    places: Vec<euclidean::Place>,
+    flood_vertices: Vec<euclidean::FloodVertex>,
     flood: Vec<(u32, f32)>,
     reached: Vec<(u32, f32)>,
 }
@@ -110,7 +110,7 @@ impl DistanceWorkspace {
             stamp: u32::MAX,
             queue: Queue::new(geometry.edges.0, geometry.edges.1),
             paths: Vec::new(),
-            places: Vec::new(),
+            flood_vertices: Vec::new(),
             flood: Vec::new(),
             reached: Vec::new(),
         }
@@ -145,7 +145,7 @@ impl DistanceWorkspace {
         if self.state.len() < vertices || self.stamp < 4 {
             self.state.clear();
             self.state.resize(vertices, u64::MAX);
-            self.places.clear();
+            self.flood_vertices.clear();
             self.stamp = u32::MAX;
         }
         self.stamp -= 2;

@@ -103,7 +103,7 @@ impl DiskGrower {
 
     /// The place of a face in the last disk.
     #[inline]
-    pub fn place(&self, face: u32) -> Option<usize> {
+    pub fn index_of(&self, face: u32) -> Option<usize> {
         let f = face as usize;
         (self.reached_in.get(f) == Some(&self.disk) && self.places[f] != u32::MAX).then(|| self.places[f] as usize)
     }

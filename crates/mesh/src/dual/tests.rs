@@ -134,8 +134,8 @@ fn disks_hold_what_is_within_the_radius_nearest_first() {
     for radius in [0.0, 0.1, 0.2] {
         let disk = grower.grow(&graph, 17, radius).to_vec();
         assert_eq!(disk.len(), all.iter().filter(|f| f.1 <= radius).count());
-        assert!(disk.iter().enumerate().all(|(i, f)| grower.place(f.0) == Some(i) && f.1 == all[i].1));
-        assert!(all[disk.len()..].iter().all(|f| grower.place(f.0).is_none()));
+        assert!(disk.iter().enumerate().all(|(i, f)| grower.index_of(f.0) == Some(i) && f.1 == all[i].1));
+        assert!(all[disk.len()..].iter().all(|f| grower.index_of(f.0).is_none()));
     }
     assert!(grower.grow(&graph, 1_000_000, 1.0).is_empty());
     assert_eq!(grower.farthest_distance(&graph, &[17]), all[all.len() - 1].1);

@@ -251,7 +251,7 @@ impl Translation {
     }
 
     /// Whether the answer can name a kept vertex: those made by subdivision are none of the file.
-    pub fn is_told(&self, kept: u32) -> bool {
+    pub fn is_of_file(&self, kept: u32) -> bool {
         self.of_vertices().is_none_or(|numbering| !numbering.is_midpoint(kept))
     }
 

@@ -110,9 +110,9 @@ pub fn disputed(local: &TriangleMesh) -> (Vec<u32>, f64) {
 /// that a check does. They follow from the positions, so that meshes which differ in what is known are equal, and say
 /// nothing once positions have changed.
 #[derive(Debug, Clone, Default)]
-pub struct Known(Option<(u64, Arc<Vec<[u32; 3]>>)>);
+pub struct KnownTriangles(Option<(u64, Arc<Vec<[u32; 3]>>)>);
 
-impl Known {
+impl KnownTriangles {
     /// What [`with_local_triangles`] made of these positions.
     pub fn new(local: TriangleMesh) -> (Vec<[f64; 3]>, Self) {
         let TriangleMesh { positions, faces, .. } = local;
@@ -127,7 +127,7 @@ impl Known {
     }
 }
 
-impl PartialEq for Known {
+impl PartialEq for KnownTriangles {
     fn eq(&self, _: &Self) -> bool {
         true
     }
@@ -170,7 +170,7 @@ pub fn once_each(local: &TriangleMesh) -> TriangleMesh {
     let mut once = faces.clone();
     once.dedup();
     let local = TriangleMesh { positions: local.positions.clone(), faces, ..Default::default() };
-    let (positions, local) = Known::new(local);
+    let (positions, local) = KnownTriangles::new(local);
     TriangleMesh { positions, faces: once, local, ..Default::default() }
 }
 

@@ -64,7 +64,7 @@ impl Scratch {
         }));
         self.star.clear();
         walk(&mut self.seen, &mut self.star);
-        settle(positions, point, &self.seen, &mut self.star);
+        flip_to_agreement(positions, point, &self.seen, &mut self.star);
         let seen = &self.seen;
         let reach = seen.iter().map(|s| s.at[0] * s.at[0] + s.at[1] * s.at[1]).fold(0.0, f64::max);
         // A circle that is larger than all of the neighbourhood may hold others beyond it. At a rim that is not convex
@@ -134,7 +134,7 @@ impl Circle {
 
 /// Flips edges of a star to those that all four points of a quadrilateral agree on, whichever plane each sees it in. A
 /// star that has not settled after the last round is left to the count of [disputed](super::disputed) triangles.
-fn settle(positions: &[[f64; 3]], point: u32, seen: &[Seen], star: &mut Vec<[usize; 2]>) {
+fn flip_to_agreement(positions: &[[f64; 3]], point: u32, seen: &[Seen], star: &mut Vec<[usize; 2]>) {
     let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
     // Whether `q` lies on the other side of the line from `a` to `b`, which the point is on the left of.
     let beyond = |a: usize, q: usize, b: usize| {

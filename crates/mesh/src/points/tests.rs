@@ -48,7 +48,7 @@ fn triangles_that_are_known_are_those_of_the_positions_and_of_no_others() {
     let fresh = with_local_triangles(&positions, &Unwatched).unwrap();
     // Others in their place tell whether they are taken or made.
     let marked = TriangleMesh { faces: fresh.faces[..9].to_vec(), ..fresh.clone() };
-    let (same, local) = Known::new(marked.clone());
+    let (same, local) = KnownTriangles::new(marked.clone());
     assert_eq!(same, positions);
     let mut points = TriangleMesh { positions, local, ..Default::default() };
     assert_eq!(triangulated(&points, &Unwatched).unwrap().faces, marked.faces);

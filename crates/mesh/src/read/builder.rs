@@ -1,6 +1,6 @@
 //! Collects vertices and polygons under the limits; every reader ends here.
 
-use super::error::{Place, ReadError};
+use super::error::{FileLocation, ReadError};
 use super::{MeshFormat, Polygons, RawMesh, ReadLimits, polygon};
 
 /// A polygon that was entered as a fan: its first triangle and its number of corners. Its corners can be told from the
@@ -33,7 +33,7 @@ struct Forward {
     index: u32,
     element: &'static str,
     number: usize,
-    place: Place,
+    location: FileLocation,
 }
 
 impl<'l> Builder<'l> {
@@ -101,10 +101,10 @@ impl<'l> Builder<'l> {
 
     /// Adds a corner to the current polygon.
     #[inline]
-    pub fn corner(&mut self, vertex: u32, place: Place) -> Result<(), ReadError> {
+    pub fn corner(&mut self, vertex: u32, location: FileLocation) -> Result<(), ReadError> {
         if self.corners >= self.limits.corners_per_polygon {
             let limit = self.limits.corners_per_polygon;
-            return Err(ReadError::PolygonTooLarge { number: self.polygons, place, limit });
+            return Err(ReadError::PolygonTooLarge { number: self.polygons, location, limit });
         }
         match self.corners {
             0 => self.first = vertex,
@@ -162,21 +162,21 @@ impl<'l> Builder<'l> {
         format: MeshFormat,
         element: &'static str,
         number: usize,
-        place: Place,
+        location: FileLocation,
     ) -> Result<u32, ReadError> {
         if index == 0 {
-            return Err(ReadError::IndexZero { format, element, number, place });
+            return Err(ReadError::IndexZero { format, element, number, location });
         }
         let vertices = self.mesh.positions.len();
         let zero_based = u32::try_from(index - 1).map_err(|_| ReadError::IndexOutOfRange {
             element,
             number,
-            place,
+            location,
             index,
             vertices,
         })?;
         if zero_based as usize >= vertices && self.forward.is_none_or(|forward| zero_based > forward.index) {
-            self.forward = Some(Forward { index: zero_based, element, number, place });
+            self.forward = Some(Forward { index: zero_based, element, number, location });
         }
         Ok(zero_based)
     }
@@ -197,10 +197,16 @@ impl<'l> Builder<'l> {
 
     fn finish_with(mut self, corners: Option<&mut [[u32; 3]]>) -> Result<RawMesh, ReadError> {
         let vertices = self.mesh.positions.len();
-        if let Some(Forward { index, element, number, place }) = self.forward
+        if let Some(Forward { index, element, number, location }) = self.forward
             && index as usize >= vertices
         {
-            return Err(ReadError::IndexOutOfRange { element, number, place, index: i64::from(index) + 1, vertices });
+            return Err(ReadError::IndexOutOfRange {
+                element,
+                number,
+                location,
+                index: i64::from(index) + 1,
+                vertices,
+            });
         }
         polygon::triangulate(&self.mesh.positions, &mut self.mesh.faces, &self.fans, corners);
         self.mesh.polygons_triangulated = self.fans.len();
@@ -250,10 +256,10 @@ pub(super) fn zero_based_index(
     vertices: usize,
     element: &'static str,
     number: usize,
-    place: Place,
+    location: FileLocation,
 ) -> Result<u32, ReadError> {
     match u32::try_from(index) {
         Ok(vertex) if (vertex as usize) < vertices => Ok(vertex),
-        _ => Err(ReadError::IndexOutOfRange { element, number, place, index, vertices }),
+        _ => Err(ReadError::IndexOutOfRange { element, number, location, index, vertices }),
     }
 }

@@ -4,18 +4,18 @@ use super::MeshFormat;
 
 /// Where in a file: a line of a text, a byte of a binary part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Place {
+pub enum FileLocation {
     /// A line, counted from one.
     Line(usize),
     /// A byte, counted from zero.
     Byte(usize),
 }
 
-impl std::fmt::Display for Place {
+impl std::fmt::Display for FileLocation {
     fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Place::Line(line) => write!(out, "line {line}"),
-            Place::Byte(byte) => write!(out, "byte {byte}"),
+            FileLocation::Line(line) => write!(out, "line {line}"),
+            FileLocation::Byte(byte) => write!(out, "byte {byte}"),
         }
     }
 }
@@ -31,12 +31,12 @@ pub enum ReadError {
     #[error("the file holds no vertex")]
     NoVertices,
     /// The file does not begin as its format must.
-    #[error("{place}: this is not a {format} header: {reason}")]
+    #[error("{location}: this is not a {format} header: {reason}")]
     Header {
         /// The format that was asked for.
         format: MeshFormat,
         /// Where.
-        place: Place,
+        location: FileLocation,
         /// What is wrong with it.
         reason: &'static str,
     },
@@ -57,10 +57,10 @@ pub enum ReadError {
         reason: String,
     },
     /// A PLY property of an unknown type.
-    #[error("{place}: `{name}` is not a PLY type")]
+    #[error("{location}: `{name}` is not a PLY type")]
     UnknownType {
         /// Where.
-        place: Place,
+        location: FileLocation,
         /// The type, as the file writes it.
         name: String,
     },
@@ -73,69 +73,69 @@ pub enum ReadError {
         property: &'static str,
     },
     /// An element or section occurs twice.
-    #[error("{place}: a second `{element}`")]
+    #[error("{location}: a second `{element}`")]
     DuplicateElement {
         /// Where.
-        place: Place,
+        location: FileLocation,
         /// The element.
         element: &'static str,
     },
     /// A section is needed and missing.
-    #[error("{place}: `{section}` is missing here")]
+    #[error("{location}: `{section}` is missing here")]
     MissingSection {
         /// Where.
-        place: Place,
+        location: FileLocation,
         /// The section.
         section: &'static str,
     },
     /// A number was expected and something else stands there.
-    #[error("{place}: `{token}` is not a number ({expected})")]
+    #[error("{location}: `{token}` is not a number ({expected})")]
     NotANumber {
         /// Where.
-        place: Place,
+        location: FileLocation,
         /// What stands there, shortened.
         token: String,
         /// What was expected.
         expected: &'static str,
     },
     /// An integer beyond 64 bits.
-    #[error("{place}: `{token}` is too large a number ({expected})")]
+    #[error("{location}: `{token}` is too large a number ({expected})")]
     NumberTooLarge {
         /// Where.
-        place: Place,
+        location: FileLocation,
         /// What stands there, shortened.
         token: String,
         /// What was expected.
         expected: &'static str,
     },
     /// A negative count.
-    #[error("{place}: {count} cannot be a number of {element}")]
+    #[error("{location}: {count} cannot be a number of {element}")]
     InvalidCount {
         /// Where.
-        place: Place,
+        location: FileLocation,
         /// The count.
         count: i64,
         /// What is counted.
         element: &'static str,
     },
     /// A line ends before everything was said.
-    #[error("{place}: the line ends where {expected} should follow")]
+    #[error("{location}: the line ends where {expected} should follow")]
     MissingValue {
         /// Where.
-        place: Place,
+        location: FileLocation,
         /// What was expected.
         expected: &'static str,
     },
     /// A word that has no meaning here.
-    #[error("{place}: unexpected `{token}`")]
+    #[error("{location}: unexpected `{token}`")]
     UnexpectedWord {
         /// Where.
-        place: Place,
+        location: FileLocation,
         /// What stands there, shortened.
         token: String,
     },
     /// Index zero in a format that counts from one.
-    #[error("{element} {number} at {place} refers to vertex 0, but {format} counts vertices from 1")]
+    #[error("{element} {number} at {location} refers to vertex 0, but {format} counts vertices from 1")]
     IndexZero {
         /// The format.
         format: MeshFormat,
@@ -144,41 +144,41 @@ pub enum ReadError {
         /// Which one.
         number: usize,
         /// Where.
-        place: Place,
+        location: FileLocation,
     },
     /// A relative index that reaches before the first vertex.
-    #[error("{element} {number} at {place} refers {back} vertices back, but only {vertices} precede it")]
+    #[error("{element} {number} at {location} refers {back} vertices back, but only {vertices} precede it")]
     IndexBeforeStart {
         /// `face`.
         element: &'static str,
         /// Which one.
         number: usize,
         /// Where.
-        place: Place,
+        location: FileLocation,
         /// How many vertices back.
         back: u64,
         /// Vertices before this line.
         vertices: usize,
     },
     /// An index of no vertex.
-    #[error("{element} {number} at {place} refers to vertex {index} of {vertices}")]
+    #[error("{element} {number} at {location} refers to vertex {index} of {vertices}")]
     IndexOutOfRange {
         /// `face`, `strip`, `tetrahedron`.
         element: &'static str,
         /// Which one.
         number: usize,
         /// Where.
-        place: Place,
+        location: FileLocation,
         /// The index, as the file writes it.
         index: i64,
         /// How many vertices there are.
         vertices: usize,
     },
     /// A facet of an ASCII STL file that is no triangle.
-    #[error("{place}: a facet has {corners} corners instead of 3")]
+    #[error("{location}: a facet has {corners} corners instead of 3")]
     FacetCorners {
         /// Where.
-        place: Place,
+        location: FileLocation,
         /// How many corners.
         corners: usize,
     },
@@ -221,20 +221,20 @@ pub enum ReadError {
         limit: usize,
     },
     /// More groups than [`ReadLimits::groups`](super::ReadLimits::groups).
-    #[error("{place}: more than {limit} groups or sections")]
+    #[error("{location}: more than {limit} groups or sections")]
     TooManyGroups {
         /// Where.
-        place: Place,
+        location: FileLocation,
         /// The limit.
         limit: usize,
     },
     /// A polygon with more corners than [`ReadLimits::corners_per_polygon`](super::ReadLimits::corners_per_polygon).
-    #[error("face {number} at {place} has more than {limit} corners")]
+    #[error("face {number} at {location} has more than {limit} corners")]
     PolygonTooLarge {
         /// Which face.
         number: usize,
         /// Where.
-        place: Place,
+        location: FileLocation,
         /// The limit.
         limit: usize,
     },

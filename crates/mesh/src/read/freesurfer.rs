@@ -1,7 +1,7 @@
 //! FreeSurfer's triangle surfaces (`lh.pial`, `rh.white`, …), binary.
 
 use super::builder::{Builder, zero_based_index};
-use super::error::{Place, ReadError};
+use super::error::{FileLocation, ReadError};
 use super::{MeshFormat, RawMesh, ReadLimits};
 
 /// The first bytes of a triangle surface. Those of quadrilaterals end in other bytes, and are not read.
@@ -10,8 +10,11 @@ pub(super) const MAGIC: &[u8] = b"\xff\xff\xfe";
 /// Reads a surface: the magic number, two lines of text, the numbers of vertices and faces, positions in single
 /// precision, corners; all numbers have their highest byte first. What follows, the volume's geometry, is passed over.
 pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
-    let wrong =
-        |at: usize, reason| ReadError::Header { format: MeshFormat::FreeSurfer, place: Place::Byte(at), reason };
+    let wrong = |at: usize, reason| ReadError::Header {
+        format: MeshFormat::FreeSurfer,
+        location: FileLocation::Byte(at),
+        reason,
+    };
     let Some(text) = bytes.strip_prefix(MAGIC) else {
         return Err(wrong(0, "it does not begin with the bytes ff ff fe of a triangle surface"));
     };
@@ -24,7 +27,7 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
         let number = bytes.get(at..at + 4).and_then(|four| four.try_into().ok());
         let number: [u8; 4] = number.ok_or(ReadError::Truncated { element: "header", number: 0, declared: 1 })?;
         let count = i64::from(i32::from_be_bytes(number));
-        u64::try_from(count).map_err(|_| ReadError::InvalidCount { place: Place::Byte(at), count, element })
+        u64::try_from(count).map_err(|_| ReadError::InvalidCount { location: FileLocation::Byte(at), count, element })
     };
     let (vertices, faces) = (count(head, "vertices")?, count(head + 4, "faces")?);
     let body = &bytes[head + 8..];
@@ -41,9 +44,9 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
     for (number, twelve) in corners.as_chunks::<12>().0.iter().take(faces as usize).enumerate() {
         let mut face = [0; 3];
         for (corner, four) in face.iter_mut().zip(twelve.as_chunks::<4>().0) {
-            let place = Place::Byte(begin + 12 * number);
+            let location = FileLocation::Byte(begin + 12 * number);
             let index = i64::from(i32::from_be_bytes(*four));
-            *corner = zero_based_index(index, vertices as usize, "face", number, place)?;
+            *corner = zero_based_index(index, vertices as usize, "face", number, location)?;
         }
         builder.triangle(face)?;
     }
@@ -90,9 +93,9 @@ mod tests {
         assert_eq!(read(&negative), Err("invalid-count"));
         for index in [4, -1] {
             let error = super::read(&square(&[[0, 1, 2], [0, index, 3]]), &ReadLimits::default()).unwrap_err();
-            let place = Place::Byte(20 + 8 + 48 + 12);
+            let location = FileLocation::Byte(20 + 8 + 48 + 12);
             let expected =
-                ReadError::IndexOutOfRange { element: "face", number: 1, place, index: index.into(), vertices: 4 };
+                ReadError::IndexOutOfRange { element: "face", number: 1, location, index: index.into(), vertices: 4 };
             assert_eq!(error, expected);
         }
     }

@@ -9,7 +9,7 @@ use flate2::read::{GzDecoder, ZlibDecoder};
 use roxmltree::Node;
 
 use super::builder::{Builder, zero_based_index};
-use super::error::{Place, ReadError, shorten};
+use super::error::{FileLocation, ReadError, shorten};
 use super::{MeshFormat, RawMesh, ReadLimits, xml};
 
 /// Compressed arrays unfold to at most so many times the bytes of their text; real ones do to less than ten times.
@@ -51,7 +51,7 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
                 if index.fract() != 0.0 {
                     return Err(refuse(format!("face {number}: {index} is not a whole number")));
                 }
-                *corner = zero_based_index(index as i64, vertices, "face", number, triangles.place)?;
+                *corner = zero_based_index(index as i64, vertices, "face", number, triangles.location)?;
             }
             builder.triangle(face)
         })?;
@@ -69,7 +69,7 @@ struct Array<'a> {
     encoding: Encoding,
     big_endian: bool,
     text: &'a str,
-    place: Place,
+    location: FileLocation,
 }
 
 #[derive(Clone, Copy, PartialEq)]
@@ -99,22 +99,22 @@ impl Kind {
 
 impl<'a> Array<'a> {
     fn of(node: Node<'a, '_>, name: &'static str) -> Result<Self, ReadError> {
-        let told = |attribute: &str| node.attribute(attribute).unwrap_or_default().trim();
+        let value_of = |attribute: &str| node.attribute(attribute).unwrap_or_default().trim();
         let unknown = |attribute: &str| {
-            refuse(format!("{name}: `{}` is not supported as {attribute}", shorten(told(attribute).as_bytes())))
+            refuse(format!("{name}: `{}` is not supported as {attribute}", shorten(value_of(attribute).as_bytes())))
         };
-        let size = |attribute| told(attribute).parse::<u64>().map_err(|_| unknown(attribute));
-        if told("Dimensionality") != "2" || size("Dim1")? != 3 {
+        let size = |attribute| value_of(attribute).parse::<u64>().map_err(|_| unknown(attribute));
+        if value_of("Dimensionality") != "2" || size("Dim1")? != 3 {
             return Err(refuse(format!("{name}: an array of n × 3 is needed")));
         }
-        let kind = match told("DataType") {
+        let kind = match value_of("DataType") {
             "NIFTI_TYPE_FLOAT32" => Kind::Float32,
             "NIFTI_TYPE_FLOAT64" => Kind::Float64,
             "NIFTI_TYPE_INT32" => Kind::Int32,
             "NIFTI_TYPE_UINT8" => Kind::Uint8,
             _ => return Err(unknown("DataType")),
         };
-        let encoding = match told("Encoding") {
+        let encoding = match value_of("Encoding") {
             "ASCII" => Encoding::Ascii,
             "Base64Binary" => Encoding::Base64,
             "GZipBase64Binary" => Encoding::Compressed,
@@ -128,12 +128,12 @@ impl<'a> Array<'a> {
         Ok(Self {
             name,
             rows: size("Dim0")?,
-            by_columns: told("ArrayIndexingOrder") == "ColumnMajorOrder",
+            by_columns: value_of("ArrayIndexingOrder") == "ColumnMajorOrder",
             kind,
             encoding,
-            big_endian: told("Endian") == "BigEndian",
+            big_endian: value_of("Endian") == "BigEndian",
             text,
-            place: Place::Byte(data.map_or(0, |data| data.range().start)),
+            location: FileLocation::Byte(data.map_or(0, |data| data.range().start)),
         })
     }
 
@@ -174,7 +174,7 @@ impl<'a> Array<'a> {
             for number in 0..count {
                 let word = words.next().ok_or_else(|| short(number))?;
                 take(word.parse().map_err(|_| ReadError::NotANumber {
-                    place: self.place,
+                    location: self.location,
                     token: shorten(word.as_bytes()),
                     expected: self.name,
                 })?)?;
@@ -311,11 +311,11 @@ mod tests {
             )
         };
         let points = array("POINTSET", "FLOAT32", "0 0 0 1 0 0 0 1 0");
-        for (index, told) in [("1.5", "face 1: 1.5 is"), ("nan", "face 1: NaN is"), ("inf", "face 1: inf is")] {
+        for (index, value_of) in [("1.5", "face 1: 1.5 is"), ("nan", "face 1: NaN is"), ("inf", "face 1: inf is")] {
             let triangles = array("TRIANGLE", "FLOAT32", &format!("0 1 2 0 {index} 2 0 1 2"));
             let text = format!("<GIFTI>{points}{triangles}</GIFTI>");
             let refused = read(text.as_bytes(), &ReadLimits::default()).unwrap_err().to_string();
-            assert!(refused.contains(told), "{refused}");
+            assert!(refused.contains(value_of), "{refused}");
         }
     }
 }

@@ -157,8 +157,8 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
     };
     let (builder, primitives) = (Builder::new(&own), bytes.len() / 4 + SHARED);
     let mut reader = Reader { document: &document, buffers, builder, seen: HashMap::new(), primitives };
-    for (mesh, place) in placed_meshes(&document)? {
-        reader.mesh(mesh, &place).map_err(|error| match error {
+    for (mesh, transform) in placed_meshes(&document)? {
+        reader.mesh(mesh, &transform).map_err(|error| match error {
             ReadError::TooManyVertices { limit } if limit < limits.vertices => {
                 placed_too_many(bytes, limit, "vertices")
             }
@@ -221,7 +221,7 @@ struct Reader<'d, 'b, 'l> {
 }
 
 impl Reader<'_, '_, '_> {
-    fn mesh(&mut self, number: usize, place: &Matrix) -> Result<(), ReadError> {
+    fn mesh(&mut self, number: usize, transform: &Matrix) -> Result<(), ReadError> {
         let mesh = self.document.meshes.get(number);
         let mesh =
             mesh.ok_or_else(|| refuse(format!("a node refers to mesh {number} of {}", self.document.meshes.len())))?;
@@ -231,7 +231,7 @@ impl Reader<'_, '_, '_> {
             .checked_sub(mesh.primitives.len())
             .ok_or_else(|| refuse("its nodes place meshes of more primitives than a file of this size may place"))?;
         for (k, primitive) in mesh.primitives.iter().enumerate() {
-            self.primitive(primitive, place).map_err(|error| match error {
+            self.primitive(primitive, transform).map_err(|error| match error {
                 ReadError::Arrays { format, reason } => {
                     ReadError::Arrays { format, reason: format!("mesh {number}, primitive {k}: {reason}") }
                 }
@@ -241,7 +241,7 @@ impl Reader<'_, '_, '_> {
         Ok(())
     }
 
-    fn primitive(&mut self, primitive: &Primitive, place: &Matrix) -> Result<(), ReadError> {
+    fn primitive(&mut self, primitive: &Primitive, transform: &Matrix) -> Result<(), ReadError> {
         let mode = primitive.mode.unwrap_or(4);
         if (1..=3).contains(&mode) {
             return Ok(());
@@ -250,7 +250,7 @@ impl Reader<'_, '_, '_> {
             return Err(refuse(format!("unknown mode {mode}")));
         }
         let Some(accessor) = primitive.attributes.position else { return Ok(()) };
-        let (first, count) = self.vertices(accessor, place)?;
+        let (first, count) = self.vertices(accessor, transform)?;
         if mode == 0 {
             return Ok(());
         }
@@ -258,7 +258,7 @@ impl Reader<'_, '_, '_> {
             Some(indices) => self.indices(indices, count)?,
             None => (0..count as u32).collect(),
         };
-        let flip = place.mirrors();
+        let flip = transform.mirrors();
         let mut add = |a: u32, b: u32, c: u32| {
             let [b, c] = if flip { [c, b] } else { [b, c] };
             self.builder.triangle([a, b, c].map(|v| first + v))
@@ -275,7 +275,7 @@ impl Reader<'_, '_, '_> {
     }
 
     /// Adds the vertices of an accessor, unless the mesh has them already; gives the first, and how many there are.
-    fn vertices(&mut self, number: usize, place: &Matrix) -> Result<(u32, usize), ReadError> {
+    fn vertices(&mut self, number: usize, transform: &Matrix) -> Result<(u32, usize), ReadError> {
         if let (Some(&first), Some(accessor)) = (self.seen.get(&number), self.document.accessors.get(number)) {
             return Ok((first, accessor.count));
         }
@@ -283,7 +283,7 @@ impl Reader<'_, '_, '_> {
         let (first, count) = (self.builder.mesh.positions.len() as u32, elements.count);
         for element in elements.iter() {
             let number = |k: usize| f32::from_le_bytes([element[k], element[k + 1], element[k + 2], element[k + 3]]);
-            self.builder.vertex(place.applied([0, 4, 8].map(|k| f64::from(number(k)))))?;
+            self.builder.vertex(transform.applied([0, 4, 8].map(|k| f64::from(number(k)))))?;
         }
         self.seen.insert(number, first);
         Ok((first, count))
@@ -291,9 +291,9 @@ impl Reader<'_, '_, '_> {
 
     fn indices(&self, number: usize, vertices: usize) -> Result<Vec<u32>, ReadError> {
         let elements = elements(self.document, &self.buffers, number, "SCALAR", &[5121, 5123, 5125])?;
-        let inside = |(place, bytes)| match whole(bytes) {
+        let inside = |(slot, bytes)| match whole(bytes) {
             vertex if (vertex as usize) < vertices => Ok(vertex),
-            vertex => Err(refuse(format!("index {place} is vertex {vertex} of {vertices}"))),
+            vertex => Err(refuse(format!("index {slot} is vertex {vertex} of {vertices}"))),
         };
         elements.iter().enumerate().map(inside).collect()
     }

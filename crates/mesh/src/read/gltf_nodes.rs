@@ -77,10 +77,10 @@ pub(super) fn placed_meshes(document: &Document) -> Result<Vec<(usize, Matrix)>,
     let roots = (0..nodes.len()).rev().filter(|&node| !is_child[node]);
     let mut next: Vec<(usize, Matrix, bool)> = roots.map(|node| (node, Matrix::IDENTITY, shown[node])).collect();
     while let Some((number, parent, shown)) = next.pop() {
-        let (node, place) = (&nodes[number], parent.after(&Matrix::of(&nodes[number])));
+        let (node, transform) = (&nodes[number], parent.after(&Matrix::of(&nodes[number])));
         met[number] = true;
-        placed.extend(node.mesh.filter(|_| shown).map(|mesh| (mesh, place)));
-        next.extend(node.children.iter().rev().map(|&child| (child, place, shown)));
+        placed.extend(node.mesh.filter(|_| shown).map(|mesh| (mesh, transform)));
+        next.extend(node.children.iter().rev().map(|&child| (child, transform, shown)));
     }
     // A node that no root leads to is below itself.
     match met.iter().position(|met| !met) {

@@ -1,8 +1,8 @@
 //! Gmsh's MSH, ASCII and binary, versions 2 and 4.1.
 
 use super::builder::Builder;
-use super::error::{Place, ReadError, shorten};
-use super::gmsh_source::{Source, Whole};
+use super::error::{FileLocation, ReadError, shorten};
+use super::gmsh_source::{IntegerWidth, Source};
 use super::{MeshFormat, RawMesh, ReadLimits};
 
 /// Reads nodes, and of the elements triangles, quadrilaterals and tetrahedra; points and lines are passed over. Of
@@ -16,20 +16,20 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
     while source.text.any() {
         sections += 1;
         if sections > limits.groups {
-            return Err(ReadError::TooManyGroups { place: source.place(), limit: limits.groups });
+            return Err(ReadError::TooManyGroups { location: source.location(), limit: limits.groups });
         }
-        let place = source.place();
+        let location = source.location();
         match source.text.token() {
-            b"$Nodes" if nodes.is_some() => return Err(ReadError::DuplicateElement { place, element: "$Nodes" }),
-            b"$Elements" if elements => return Err(ReadError::DuplicateElement { place, element: "$Elements" }),
+            b"$Nodes" if nodes.is_some() => return Err(ReadError::DuplicateElement { location, element: "$Nodes" }),
+            b"$Elements" if elements => return Err(ReadError::DuplicateElement { location, element: "$Elements" }),
             b"$Nodes" => nodes = Some(read_nodes(&mut source, &mut builder, version)?),
             b"$Elements" => {
-                let nodes = nodes.as_ref().ok_or(ReadError::MissingSection { place, section: "$Nodes" })?;
+                let nodes = nodes.as_ref().ok_or(ReadError::MissingSection { location, section: "$Nodes" })?;
                 read_elements(&mut source, &mut builder, version, nodes)?;
                 elements = true;
             }
             word if word.starts_with(b"$") => source.pass_over(word),
-            word => return Err(ReadError::UnexpectedWord { place, token: shorten(word) }),
+            word => return Err(ReadError::UnexpectedWord { location, token: shorten(word) }),
         }
     }
     builder.finish()
@@ -42,13 +42,13 @@ enum Version {
 }
 
 fn header(source: &mut Source) -> Result<Version, ReadError> {
-    let place = source.place();
+    let location = source.location();
     if !source.text.any() || source.text.token() != b"$MeshFormat" {
         let reason = "it does not begin with $MeshFormat";
-        return Err(ReadError::Header { format: MeshFormat::Gmsh, place, reason });
+        return Err(ReadError::Header { format: MeshFormat::Gmsh, location, reason });
     }
     let version = source.float("a version")?;
-    let kind = source.integer(Whole::Int, "a file type")?;
+    let kind = source.integer(IntegerWidth::Int, "a file type")?;
     let version = match version {
         2.0..3.0 => Version::Two,
         4.1 => Version::FourOne,
@@ -58,7 +58,7 @@ fn header(source: &mut Source) -> Result<Version, ReadError> {
         }
     };
     if kind == 1 {
-        let size = source.integer(Whole::Int, "a width")?;
+        let size = source.integer(IntegerWidth::Int, "a width")?;
         source.begin_binary(size)?;
     }
     source.pass_over(b"$MeshFormat");
@@ -69,12 +69,12 @@ fn header(source: &mut Source) -> Result<Version, ReadError> {
 fn end(source: &mut Source) -> Result<(), ReadError> {
     let section = source.section;
     if !source.text.any() {
-        return Err(ReadError::MissingSection { place: source.place(), section });
+        return Err(ReadError::MissingSection { location: source.location(), section });
     }
-    let place = source.place();
+    let location = source.location();
     match source.text.token() {
         word if word == section.as_bytes() => Ok(()),
-        word => Err(ReadError::UnexpectedWord { place, token: shorten(word) }),
+        word => Err(ReadError::UnexpectedWord { location, token: shorten(word) }),
     }
 }
 
@@ -88,17 +88,18 @@ fn begin(
 ) -> Result<(u64, u64), ReadError> {
     if version == Version::Two {
         if !source.text.any() {
-            return Err(ReadError::MissingValue { place: source.place(), expected: "a count" });
+            return Err(ReadError::MissingValue { location: source.location(), expected: "a count" });
         }
         let count = source.text.integer("a count")?;
-        let place = source.place();
+        let location = source.location();
         source.begin(section);
-        let count = u64::try_from(count).map_err(|_| ReadError::InvalidCount { place, count, element })?;
+        let count = u64::try_from(count).map_err(|_| ReadError::InvalidCount { location, count, element })?;
         return Ok((1, count));
     }
     source.begin(section);
-    let counts = (source.count(Whole::Size, "blocks")?, source.count(Whole::Size, element)?);
-    let _least_and_largest = (source.integer(Whole::Size, "a tag")?, source.integer(Whole::Size, "a tag")?);
+    let counts = (source.count(IntegerWidth::Size, "blocks")?, source.count(IntegerWidth::Size, element)?);
+    let _least_and_largest =
+        (source.integer(IntegerWidth::Size, "a tag")?, source.integer(IntegerWidth::Size, "a tag")?);
     Ok(counts)
 }
 
@@ -111,19 +112,19 @@ enum Nodes {
 }
 
 impl Nodes {
-    fn new(tags: Vec<i64>, place: Place) -> Result<Self, ReadError> {
+    fn new(tags: Vec<i64>, location: FileLocation) -> Result<Self, ReadError> {
         if tags.iter().zip(1..).all(|(&tag, number)| tag == number) {
             return Ok(Self::InOrder(tags.len()));
         }
         let mut tagged: Vec<(i64, u32)> = tags.into_iter().zip(0..).collect();
         tagged.sort_unstable();
         if tagged.windows(2).any(|pair| pair[0].0 == pair[1].0) {
-            return Err(ReadError::DuplicateElement { place, element: "node tag" });
+            return Err(ReadError::DuplicateElement { location, element: "node tag" });
         }
         Ok(Self::Tagged(tagged))
     }
 
-    fn vertex(&self, tag: i64, element: &'static str, number: usize, place: Place) -> Result<u32, ReadError> {
+    fn vertex(&self, tag: i64, element: &'static str, number: usize, location: FileLocation) -> Result<u32, ReadError> {
         let (vertex, vertices) = match self {
             Self::InOrder(vertices) => (
                 tag.checked_sub(1).and_then(|tag| u32::try_from(tag).ok()).filter(|v| (*v as usize) < *vertices),
@@ -133,14 +134,14 @@ impl Nodes {
                 (tagged.binary_search_by_key(&tag, |node| node.0).ok().map(|at| tagged[at].1), tagged.len())
             }
         };
-        vertex.ok_or(ReadError::IndexOutOfRange { element, number, place, index: tag, vertices })
+        vertex.ok_or(ReadError::IndexOutOfRange { element, number, location, index: tag, vertices })
     }
 }
 
 /// As words a node has a tag beside three coordinates.
 fn read_nodes(source: &mut Source, builder: &mut Builder, version: Version) -> Result<Nodes, ReadError> {
     let (blocks, declared) = begin(source, version, "$EndNodes", "nodes")?;
-    let tag = if version == Version::Two { Whole::Int } else { Whole::Size };
+    let tag = if version == Version::Two { IntegerWidth::Int } else { IntegerWidth::Size };
     builder.expect_vertices(declared, source.possible(4, 24 + source.width(tag)))?;
     let mut tags: Vec<i64> = Vec::with_capacity(declared as usize);
     let truncated = |number: usize| ReadError::Truncated { element: "node", number, declared: declared as usize };
@@ -165,10 +166,10 @@ fn read_nodes(source: &mut Source, builder: &mut Builder, version: Version) -> R
     } else {
         for _ in 0..blocks {
             let (dimension, _entity) =
-                (source.integer(Whole::Int, "a dimension")?, source.integer(Whole::Int, "an entity")?);
-            let parametric = source.integer(Whole::Int, "whether nodes have parameters")? != 0;
+                (source.integer(IntegerWidth::Int, "a dimension")?, source.integer(IntegerWidth::Int, "an entity")?);
+            let parametric = source.integer(IntegerWidth::Int, "whether nodes have parameters")? != 0;
             let parameters = if parametric { dimension.clamp(0, 3) } else { 0 };
-            let own = source.count(Whole::Size, "nodes")?;
+            let own = source.count(IntegerWidth::Size, "nodes")?;
             if own > declared - tags.len() as u64 {
                 let possible = declared - tags.len() as u64;
                 return Err(ReadError::CountExceedsFile { element: "node", declared: own, possible });
@@ -187,34 +188,34 @@ fn read_nodes(source: &mut Source, builder: &mut Builder, version: Version) -> R
             return Err(truncated(tags.len()));
         }
     }
-    let place = source.place();
+    let location = source.location();
     end(source)?;
-    Nodes::new(tags, place)
+    Nodes::new(tags, location)
 }
 
 /// What an element is for a mesh: its corners, and how many nodes it has altogether.
-enum Shape {
+enum ElementType {
     PassedOver,
     Polygon(usize),
     Tetrahedron,
 }
 
 /// The shape of a type of element, and its number of nodes.
-fn shape(kind: i64) -> Result<(Shape, usize), ReadError> {
+fn element_type(kind: i64) -> Result<(ElementType, usize), ReadError> {
     Ok(match kind {
-        15 => (Shape::PassedOver, 1),
-        1 => (Shape::PassedOver, 2),
-        8 => (Shape::PassedOver, 3),
-        26 => (Shape::PassedOver, 4),
-        2 => (Shape::Polygon(3), 3),
-        9 => (Shape::Polygon(3), 6),
-        21 => (Shape::Polygon(3), 10),
-        3 => (Shape::Polygon(4), 4),
-        16 => (Shape::Polygon(4), 8),
-        10 => (Shape::Polygon(4), 9),
-        4 => (Shape::Tetrahedron, 4),
-        11 => (Shape::Tetrahedron, 10),
-        29 => (Shape::Tetrahedron, 20),
+        15 => (ElementType::PassedOver, 1),
+        1 => (ElementType::PassedOver, 2),
+        8 => (ElementType::PassedOver, 3),
+        26 => (ElementType::PassedOver, 4),
+        2 => (ElementType::Polygon(3), 3),
+        9 => (ElementType::Polygon(3), 6),
+        21 => (ElementType::Polygon(3), 10),
+        3 => (ElementType::Polygon(4), 4),
+        16 => (ElementType::Polygon(4), 8),
+        10 => (ElementType::Polygon(4), 9),
+        4 => (ElementType::Tetrahedron, 4),
+        11 => (ElementType::Tetrahedron, 10),
+        29 => (ElementType::Tetrahedron, 20),
         other => {
             let encoding = format!("elements of type {other}");
             return Err(ReadError::UnsupportedEncoding { format: MeshFormat::Gmsh, encoding });
@@ -224,7 +225,7 @@ fn shape(kind: i64) -> Result<(Shape, usize), ReadError> {
 
 fn read_elements(source: &mut Source, builder: &mut Builder, version: Version, nodes: &Nodes) -> Result<(), ReadError> {
     let (blocks, declared) = begin(source, version, "$EndElements", "elements")?;
-    let tag = if version == Version::Two { Whole::Int } else { Whole::Size };
+    let tag = if version == Version::Two { IntegerWidth::Int } else { IntegerWidth::Size };
     // A point has a tag and a node.
     let possible = source.possible(2, 2 * source.width(tag));
     if declared > possible {
@@ -254,14 +255,14 @@ fn read_elements(source: &mut Source, builder: &mut Builder, version: Version, n
             let _tag = source.integer(tag, "an element tag")?;
             let kind = match head.kind {
                 Some(kind) => kind,
-                None => source.integer(Whole::Int, "a type of element")?,
+                None => source.integer(IntegerWidth::Int, "a type of element")?,
             };
             let tags = match head.tags {
                 Some(tags) => tags,
-                None => source.count(Whole::Int, "tags")?,
+                None => source.count(IntegerWidth::Int, "tags")?,
             };
             for _ in 0..tags {
-                source.integer(Whole::Int, "a tag")?;
+                source.integer(IntegerWidth::Int, "a tag")?;
             }
             element(source, builder, nodes, (kind, tag), number)?;
             number += 1;
@@ -284,16 +285,21 @@ struct Head {
 impl Head {
     fn read(source: &mut Source, version: Version, left: u64) -> Result<Self, ReadError> {
         if version == Version::FourOne {
-            let _of = (source.integer(Whole::Int, "a dimension")?, source.integer(Whole::Int, "an entity")?);
-            let kind = source.integer(Whole::Int, "a type of element")?;
-            return Ok(Self { kind: Some(kind), tags: Some(0), elements: source.count(Whole::Size, "elements")? });
+            let _of =
+                (source.integer(IntegerWidth::Int, "a dimension")?, source.integer(IntegerWidth::Int, "an entity")?);
+            let kind = source.integer(IntegerWidth::Int, "a type of element")?;
+            return Ok(Self {
+                kind: Some(kind),
+                tags: Some(0),
+                elements: source.count(IntegerWidth::Size, "elements")?,
+            });
         }
         if !source.is_binary() {
             return Ok(Self { kind: None, tags: None, elements: left });
         }
-        let kind = source.integer(Whole::Int, "a type of element")?;
-        let elements = source.count(Whole::Int, "elements")?;
-        Ok(Self { kind: Some(kind), tags: Some(source.count(Whole::Int, "tags")?), elements })
+        let kind = source.integer(IntegerWidth::Int, "a type of element")?;
+        let elements = source.count(IntegerWidth::Int, "elements")?;
+        Ok(Self { kind: Some(kind), tags: Some(source.count(IntegerWidth::Int, "tags")?), elements })
     }
 }
 
@@ -302,26 +308,26 @@ fn element(
     source: &mut Source,
     builder: &mut Builder,
     nodes: &Nodes,
-    (kind, tag): (i64, Whole),
+    (kind, tag): (i64, IntegerWidth),
     number: usize,
 ) -> Result<(), ReadError> {
-    let (shape, of_all) = shape(kind)?;
+    let (shape, of_all) = element_type(kind)?;
     let corner = |source: &mut Source| {
         let node = source.integer(tag, "a node")?;
-        let place = source.place();
-        Ok::<_, ReadError>((nodes.vertex(node, "element", number, place)?, place))
+        let location = source.location();
+        Ok::<_, ReadError>((nodes.vertex(node, "element", number, location)?, location))
     };
     let taken = match shape {
-        Shape::PassedOver => 0,
-        Shape::Polygon(corners) => {
+        ElementType::PassedOver => 0,
+        ElementType::Polygon(corners) => {
             for _ in 0..corners {
-                let (vertex, place) = corner(source)?;
-                builder.corner(vertex, place)?;
+                let (vertex, location) = corner(source)?;
+                builder.corner(vertex, location)?;
             }
             builder.end_polygon();
             corners
         }
-        Shape::Tetrahedron => {
+        ElementType::Tetrahedron => {
             let mut corners = [0; 4];
             for slot in &mut corners {
                 *slot = corner(source)?.0;

@@ -1,12 +1,12 @@
 //! The numbers of an MSH file, whether they are words or bytes.
 
 use super::MeshFormat;
-use super::error::{Place, ReadError};
+use super::error::{FileLocation, ReadError};
 use super::text::Text;
 
 /// How wide a whole number is where it is bytes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Whole {
+pub(super) enum IntegerWidth {
     /// Four bytes.
     Int,
     /// A count or a tag: as many bytes as the header says, unsigned.
@@ -38,8 +38,8 @@ impl<'a> Source<'a> {
     /// # Errors
     /// [`ReadError::Header`] where it is no one, and for widths of counts other than four and eight bytes.
     pub fn begin_binary(&mut self, size: i64) -> Result<(), ReadError> {
-        let place = self.text.place();
-        let wrong = |reason| ReadError::Header { format: MeshFormat::Gmsh, place, reason };
+        let location = self.text.location();
+        let wrong = |reason| ReadError::Header { format: MeshFormat::Gmsh, location, reason };
         let size = match size {
             4 => 4,
             8 => 8,
@@ -65,10 +65,10 @@ impl<'a> Source<'a> {
     }
 
     /// Where the next number stands.
-    pub fn place(&self) -> Place {
+    pub fn location(&self) -> FileLocation {
         match self.binary {
-            None => self.text.place(),
-            Some(_) => Place::Byte(self.at()),
+            None => self.text.location(),
+            Some(_) => FileLocation::Byte(self.at()),
         }
     }
 
@@ -79,9 +79,9 @@ impl<'a> Source<'a> {
     }
 
     /// The bytes of a whole number.
-    pub fn width(&self, whole: Whole) -> u64 {
+    pub fn width(&self, whole: IntegerWidth) -> u64 {
         match (whole, self.binary) {
-            (Whole::Size, Some(Bytes { size, .. })) => size as u64,
+            (IntegerWidth::Size, Some(Bytes { size, .. })) => size as u64,
             _ => 4,
         }
     }
@@ -96,17 +96,17 @@ impl<'a> Source<'a> {
         if self.binary.is_some() { self.text.remaining() > 0 } else { self.text.any() }
     }
 
-    pub fn integer(&mut self, whole: Whole, expected: &'static str) -> Result<i64, ReadError> {
+    pub fn integer(&mut self, whole: IntegerWidth, expected: &'static str) -> Result<i64, ReadError> {
         let Some(binary) = self.binary else {
             if !self.text.any() {
-                return Err(ReadError::MissingValue { place: self.text.place(), expected });
+                return Err(ReadError::MissingValue { location: self.text.location(), expected });
             }
             return self.text.integer(expected);
         };
         if self.width(whole) == 4 {
             let bytes = self.bytes()?;
             let number = if binary.big_endian { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) };
-            return Ok(if whole == Whole::Size { i64::from(number) } else { i64::from(number.cast_signed()) });
+            return Ok(if whole == IntegerWidth::Size { i64::from(number) } else { i64::from(number.cast_signed()) });
         }
         let bytes = self.bytes()?;
         let number = if binary.big_endian { u64::from_be_bytes(bytes) } else { u64::from_le_bytes(bytes) };
@@ -117,7 +117,7 @@ impl<'a> Source<'a> {
     pub fn float(&mut self, expected: &'static str) -> Result<f64, ReadError> {
         let Some(binary) = self.binary else {
             if !self.text.any() {
-                return Err(ReadError::MissingValue { place: self.text.place(), expected });
+                return Err(ReadError::MissingValue { location: self.text.location(), expected });
             }
             return self.text.float(expected);
         };
@@ -125,9 +125,9 @@ impl<'a> Source<'a> {
         Ok(if binary.big_endian { f64::from_be_bytes(bytes) } else { f64::from_le_bytes(bytes) })
     }
 
-    pub fn count(&mut self, whole: Whole, element: &'static str) -> Result<u64, ReadError> {
+    pub fn count(&mut self, whole: IntegerWidth, element: &'static str) -> Result<u64, ReadError> {
         let count = self.integer(whole, "a count")?;
-        u64::try_from(count).map_err(|_| ReadError::InvalidCount { place: self.place(), count, element })
+        u64::try_from(count).map_err(|_| ReadError::InvalidCount { location: self.location(), count, element })
     }
 
     /// Goes past the end of a section that is not read.
@@ -153,14 +153,15 @@ impl<'a> Source<'a> {
     }
 
     fn go_to(&mut self, at: usize) {
-        let line = if let Place::Line(line) = self.text.place() { line } else { 1 };
+        let line = if let FileLocation::Line(line) = self.text.location() { line } else { 1 };
         self.text = Text::resume(self.all, at, line);
     }
 
     fn bytes<const N: usize>(&mut self) -> Result<[u8; N], ReadError> {
         let at = self.at();
         let bytes = self.all.get(at..).and_then(|rest| rest.first_chunk());
-        let &bytes = bytes.ok_or(ReadError::MissingSection { place: Place::Byte(at), section: self.section })?;
+        let &bytes =
+            bytes.ok_or(ReadError::MissingSection { location: FileLocation::Byte(at), section: self.section })?;
         self.go_to(at + N);
         Ok(bytes)
     }

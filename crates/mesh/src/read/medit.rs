@@ -16,7 +16,7 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
     let mut sections = 0usize;
     let mut once = |name: &'static str, text: &Text| {
         if seen.contains(&name) {
-            return Err(ReadError::DuplicateElement { place: text.place(), element: name });
+            return Err(ReadError::DuplicateElement { location: text.location(), element: name });
         }
         seen.push(name);
         Ok(())
@@ -29,14 +29,14 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
         }
         sections += 1;
         if sections > limits.groups {
-            return Err(ReadError::TooManyGroups { place: text.place(), limit: limits.groups });
+            return Err(ReadError::TooManyGroups { location: text.location(), limit: limits.groups });
         }
-        let place = text.place();
+        let location = text.location();
         match text.token() {
             b"Dimension" => dimension = Some(read_dimension(&mut text)?),
             b"Vertices" => {
                 once("Vertices", &text)?;
-                let dimension = dimension.ok_or(ReadError::MissingSection { place, section: "Dimension" })?;
+                let dimension = dimension.ok_or(ReadError::MissingSection { location, section: "Dimension" })?;
                 vertices(&mut text, &mut builder, dimension)?;
             }
             b"Triangles" => {
@@ -53,14 +53,15 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
             }
             b"End" => break,
             word if word[0].is_ascii_alphabetic() => {}
-            word => return Err(ReadError::UnexpectedWord { place, token: shorten(word) }),
+            word => return Err(ReadError::UnexpectedWord { location, token: shorten(word) }),
         }
     }
     builder.finish()
 }
 
 fn header(text: &mut Text) -> Result<(), ReadError> {
-    let wrong = |text: &Text, reason| ReadError::Header { format: MeshFormat::Medit, place: text.place(), reason };
+    let wrong =
+        |text: &Text, reason| ReadError::Header { format: MeshFormat::Medit, location: text.location(), reason };
     if !text.any() || text.token() != b"MeshVersionFormatted" {
         return Err(wrong(text, "it does not begin with MeshVersionFormatted"));
     }
@@ -82,13 +83,13 @@ fn read_dimension(text: &mut Text) -> Result<usize, ReadError> {
         }
     }
     let reason = "the dimension is neither 2 nor 3";
-    Err(ReadError::Header { format: MeshFormat::Medit, place: text.place(), reason })
+    Err(ReadError::Header { format: MeshFormat::Medit, location: text.location(), reason })
 }
 
 /// The count of a section, which may stand on the next line, and how many entries of `width` values the file can hold.
 fn section(text: &mut Text, element: &'static str, width: u64) -> Result<(u64, u64), ReadError> {
     if !text.any() {
-        return Err(ReadError::MissingValue { place: text.place(), expected: "a count" });
+        return Err(ReadError::MissingValue { location: text.location(), expected: "a count" });
     }
     let declared = text.count(element)?;
     Ok((declared, (text.remaining() as u64).div_ceil(2 * width)))
@@ -126,10 +127,10 @@ fn polygons(text: &mut Text, builder: &mut Builder, corners: usize) -> Result<()
             if !text.any() {
                 return Err(ReadError::Truncated { element: "face", number, declared: declared as usize });
             }
-            let place = text.place();
+            let location = text.location();
             let index = text.integer("a vertex index")?;
-            let vertex = builder.one_based_index(index, MeshFormat::Medit, "face", number, place)?;
-            builder.corner(vertex, place)?;
+            let vertex = builder.one_based_index(index, MeshFormat::Medit, "face", number, location)?;
+            builder.corner(vertex, location)?;
         }
         builder.end_polygon();
         skip_reference(text);
@@ -146,9 +147,9 @@ fn tetrahedra(text: &mut Text, builder: &mut Builder) -> Result<(), ReadError> {
             if !text.any() {
                 return Err(ReadError::Truncated { element: "tetrahedron", number, declared: declared as usize });
             }
-            let place = text.place();
+            let location = text.location();
             let index = text.integer("a vertex index")?;
-            *corner = builder.one_based_index(index, MeshFormat::Medit, "tetrahedron", number, place)?;
+            *corner = builder.one_based_index(index, MeshFormat::Medit, "tetrahedron", number, location)?;
         }
         builder.tetrahedron(corners)?;
         skip_reference(text);
@@ -158,7 +159,7 @@ fn tetrahedra(text: &mut Text, builder: &mut Builder) -> Result<(), ReadError> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::error::Place;
+    use super::super::error::FileLocation;
     use super::*;
 
     fn read(text: &str) -> Result<RawMesh, ReadError> {
@@ -214,7 +215,7 @@ mod tests {
             Err(ReadError::IndexOutOfRange {
                 element: "tetrahedron",
                 number: 0,
-                place: Place::Line(8),
+                location: FileLocation::Line(8),
                 index: 2,
                 vertices: 1
             })

@@ -2,7 +2,7 @@
 //! Maréchal's libMeshb).
 
 use super::builder::Builder;
-use super::error::{Place, ReadError};
+use super::error::{FileLocation, ReadError};
 use super::{MeshFormat, RawMesh, ReadLimits};
 
 /// The number of each section that is read.
@@ -32,7 +32,7 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
     while source.at < bytes.len() {
         source.sections += 1;
         if source.sections > limits.groups {
-            return Err(ReadError::TooManyGroups { place: source.place(), limit: limits.groups });
+            return Err(ReadError::TooManyGroups { location: source.location(), limit: limits.groups });
         }
         let start = source.at;
         let section = source.integer(4)?;
@@ -50,14 +50,14 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
         };
         if !name.is_empty() {
             if seen.contains(&name) {
-                return Err(ReadError::DuplicateElement { place: Place::Byte(start), element: name });
+                return Err(ReadError::DuplicateElement { location: FileLocation::Byte(start), element: name });
             }
             seen.push(name);
         }
         match section {
             DIMENSION => dimension = Some(source.dimension()?),
             VERTICES => {
-                let missing = ReadError::MissingSection { place: Place::Byte(start), section: "Dimension" };
+                let missing = ReadError::MissingSection { location: FileLocation::Byte(start), section: "Dimension" };
                 source.vertices(&mut builder, dimension.ok_or(missing)?)?;
             }
             TRIANGLES => source.polygons(&mut builder, 3)?,
@@ -79,7 +79,7 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
 }
 
 fn wrong(at: usize, reason: &'static str) -> ReadError {
-    ReadError::Header { format: MeshFormat::Medit, place: Place::Byte(at), reason }
+    ReadError::Header { format: MeshFormat::Medit, location: FileLocation::Byte(at), reason }
 }
 
 struct Source<'a> {
@@ -92,8 +92,8 @@ struct Source<'a> {
 }
 
 impl Source<'_> {
-    fn place(&self) -> Place {
-        Place::Byte(self.at)
+    fn location(&self) -> FileLocation {
+        FileLocation::Byte(self.at)
     }
 
     /// Bytes of a place in the file.
@@ -136,9 +136,9 @@ impl Source<'_> {
 
     /// The count of a section, and how many entries of so many bytes can follow.
     fn count(&mut self, element: &'static str, entry: usize) -> Result<(u64, u64), ReadError> {
-        let place = self.place();
+        let location = self.location();
         let count = self.integer(self.index_bytes())?;
-        let declared = u64::try_from(count).map_err(|_| ReadError::InvalidCount { place, count, element })?;
+        let declared = u64::try_from(count).map_err(|_| ReadError::InvalidCount { location, count, element })?;
         Ok((declared, ((self.bytes.len() - self.at) / entry) as u64))
     }
 
@@ -164,9 +164,9 @@ impl Source<'_> {
         builder.expect_faces(declared, possible, 2 * possible)?;
         for number in 0..declared as usize {
             for _ in 0..corners {
-                let place = self.place();
+                let location = self.location();
                 let vertex = self.vertex(builder, "face", number, declared)?;
-                builder.corner(vertex, place)?;
+                builder.corner(vertex, location)?;
             }
             builder.end_polygon();
             self.at += self.index_bytes();
@@ -196,10 +196,10 @@ impl Source<'_> {
         number: usize,
         declared: u64,
     ) -> Result<u32, ReadError> {
-        let place = self.place();
+        let location = self.location();
         let bytes = self.index_bytes();
         let word = self.word(bytes).ok_or(ReadError::Truncated { element, number, declared: declared as usize })?;
-        builder.one_based_index(signed(word, bytes), MeshFormat::Medit, element, number, place)
+        builder.one_based_index(signed(word, bytes), MeshFormat::Medit, element, number, location)
     }
 }
 

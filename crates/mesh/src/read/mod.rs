@@ -47,7 +47,7 @@ use serde::{Deserialize, Serialize};
 
 use super::attributes::Attributes;
 
-pub use error::{Place, ReadError};
+pub use error::{FileLocation, ReadError};
 
 /// What a reader found, before anything is checked: indices are in range, nothing else is promised.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -1,9 +1,10 @@
-//! Wavefront OBJ: the `v` and `f` (or `fo`) lines, and what is kept beside them ([`Found`]). Everything else (smoothing,
-//! curves) is passed over; no other file is ever opened. `docs/decisions/0002-obj-reader.md` says why this is not tobj.
+//! Wavefront OBJ: the `v` and `f` (or `fo`) lines, and what is kept beside them ([`ReadAttributes`]). Everything else
+//! (smoothing, curves) is passed over; no other file is ever opened. `docs/decisions/0002-obj-reader.md` says why this
+//! is not tobj.
 
 use super::builder::Builder;
 use super::error::ReadError;
-use super::obj_attributes::Found;
+use super::obj_attributes::ReadAttributes;
 use super::text::Text;
 use super::{MeshFormat, RawMesh, ReadLimits};
 
@@ -14,7 +15,7 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
     let mut text = Text::new(bytes);
     let mut builder = Builder::new(limits);
     let mut groups = 0usize;
-    let mut found = Found::new(limits);
+    let mut found = ReadAttributes::new(limits);
     while text.any() {
         let word = text.token();
         match word {
@@ -22,7 +23,7 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
                 let mut position = [0.0; 3];
                 for coordinate in &mut position {
                     if !text.on_line() {
-                        return Err(ReadError::MissingValue { place: text.place(), expected: "a coordinate" });
+                        return Err(ReadError::MissingValue { location: text.location(), expected: "a coordinate" });
                     }
                     *coordinate = text.float("a coordinate")?;
                 }
@@ -33,7 +34,7 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
             b"g" | b"o" => {
                 groups += 1;
                 if groups > limits.groups {
-                    return Err(ReadError::TooManyGroups { place: text.place(), limit: limits.groups });
+                    return Err(ReadError::TooManyGroups { location: text.location(), limit: limits.groups });
                 }
                 found.statement(word, &mut text, builder.polygons);
             }
@@ -49,9 +50,9 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
     Ok(mesh)
 }
 
-fn face(text: &mut Text, builder: &mut Builder, found: &mut Found) -> Result<(), ReadError> {
+fn face(text: &mut Text, builder: &mut Builder, found: &mut ReadAttributes) -> Result<(), ReadError> {
     while text.on_line() {
-        let place = text.place();
+        let location = text.location();
         let (index, rest) = text.integer_before_slash("a vertex index")?;
         let number = builder.polygons;
         let vertices = builder.mesh.positions.len();
@@ -60,13 +61,13 @@ fn face(text: &mut Text, builder: &mut Builder, found: &mut Found) -> Result<(),
             match usize::try_from(back).ok().and_then(|back| vertices.checked_sub(back)) {
                 Some(vertex) => vertex as u32,
                 None => {
-                    return Err(ReadError::IndexBeforeStart { element: "face", number, place, back, vertices });
+                    return Err(ReadError::IndexBeforeStart { element: "face", number, location, back, vertices });
                 }
             }
         } else {
-            builder.one_based_index(index, MeshFormat::Obj, "face", number, place)?
+            builder.one_based_index(index, MeshFormat::Obj, "face", number, location)?
         };
-        builder.corner(vertex, place)?;
+        builder.corner(vertex, location)?;
         found.corner(rest);
     }
     builder.end_polygon();
@@ -75,7 +76,7 @@ fn face(text: &mut Text, builder: &mut Builder, found: &mut Found) -> Result<(),
 
 #[cfg(test)]
 mod tests {
-    use super::super::error::Place;
+    use super::super::error::FileLocation;
     use super::*;
 
     fn read(text: &str) -> Result<RawMesh, ReadError> {
@@ -121,28 +122,35 @@ mod tests {
 
     #[test]
     fn refusals_name_the_line() {
-        let place = Place::Line(2);
+        let location = FileLocation::Line(2);
         let cases = [
-            ("v 0 0 0\nf 0 1 1", ReadError::IndexZero { format: MeshFormat::Obj, element: "face", number: 0, place }),
+            (
+                "v 0 0 0\nf 0 1 1",
+                ReadError::IndexZero { format: MeshFormat::Obj, element: "face", number: 0, location },
+            ),
             (
                 "v 0 0 0\nf 1 -2 1",
-                ReadError::IndexBeforeStart { element: "face", number: 0, place, back: 2, vertices: 1 },
+                ReadError::IndexBeforeStart { element: "face", number: 0, location, back: 2, vertices: 1 },
             ),
             (
                 "v 0 0 0\nf 1 1 7",
-                ReadError::IndexOutOfRange { element: "face", number: 0, place, index: 7, vertices: 1 },
+                ReadError::IndexOutOfRange { element: "face", number: 0, location, index: 7, vertices: 1 },
             ),
             (
                 "v 0 0 0\nf 1 1 5000000000",
-                ReadError::IndexOutOfRange { element: "face", number: 0, place, index: 5_000_000_000, vertices: 1 },
+                ReadError::IndexOutOfRange { element: "face", number: 0, location, index: 5_000_000_000, vertices: 1 },
             ),
             (
                 "v 0 0 0\nf 1 1 99999999999999999999",
-                ReadError::NumberTooLarge { place, token: "99999999999999999999".into(), expected: "a vertex index" },
+                ReadError::NumberTooLarge {
+                    location,
+                    token: "99999999999999999999".into(),
+                    expected: "a vertex index",
+                },
             ),
-            ("v 0 0 0\nf 1 1 x/2", ReadError::NotANumber { place, token: "x".into(), expected: "a vertex index" }),
-            ("v 0 0 0\nv 1 2", ReadError::MissingValue { place, expected: "a coordinate" }),
-            ("v 0 0 0\nv 1 2 z3", ReadError::NotANumber { place, token: "z3".into(), expected: "a coordinate" }),
+            ("v 0 0 0\nf 1 1 x/2", ReadError::NotANumber { location, token: "x".into(), expected: "a vertex index" }),
+            ("v 0 0 0\nv 1 2", ReadError::MissingValue { location, expected: "a coordinate" }),
+            ("v 0 0 0\nv 1 2 z3", ReadError::NotANumber { location, token: "z3".into(), expected: "a coordinate" }),
         ];
         for (text, error) in cases {
             assert_eq!(read(text), Err(error), "{text}");

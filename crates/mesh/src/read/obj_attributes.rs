@@ -131,7 +131,7 @@ impl Names {
 }
 
 /// What was read so far.
-pub(super) struct Found {
+pub(super) struct ReadAttributes {
     texture: Named<2>,
     normals: Named<3>,
     groups: Names,
@@ -141,7 +141,7 @@ pub(super) struct Found {
     corners: usize,
 }
 
-impl Found {
+impl ReadAttributes {
     pub fn new(limits: &ReadLimits) -> Self {
         Self {
             texture: Named::new(limits.vertices),

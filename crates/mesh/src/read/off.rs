@@ -11,7 +11,7 @@ use super::{MeshFormat, RawMesh, ReadLimits};
 pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
     let mut text = Text::new(bytes);
     let mut builder = Builder::new(limits);
-    let header = |text: &Text, reason| ReadError::Header { format: MeshFormat::Off, place: text.place(), reason };
+    let header = |text: &Text, reason| ReadError::Header { format: MeshFormat::Off, location: text.location(), reason };
     if !text.any() {
         return Err(header(&text, "the keyword OFF is missing"));
     }
@@ -73,9 +73,9 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
             if !text.any() {
                 return Err(truncated);
             }
-            let place = text.place();
+            let location = text.location();
             let index = text.integer("a vertex index")?;
-            builder.corner(zero_based_index(index, vertices, "face", number, place)?, place)?;
+            builder.corner(zero_based_index(index, vertices, "face", number, location)?, location)?;
         }
         builder.end_polygon();
         text.skip_line();
@@ -85,7 +85,7 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
 
 #[cfg(test)]
 mod tests {
-    use super::super::error::Place;
+    use super::super::error::FileLocation;
     use super::*;
 
     fn read(text: &str) -> Result<RawMesh, ReadError> {
@@ -137,7 +137,7 @@ mod tests {
             Err(ReadError::IndexOutOfRange {
                 element: "face",
                 number: 0,
-                place: Place::Line(4),
+                location: FileLocation::Line(4),
                 index: 1,
                 vertices: 1
             })

@@ -1,7 +1,7 @@
 //! Geomview OFF after the word `BINARY`: the same as in its text, in numbers of four bytes, the first byte the highest.
 
 use super::builder::{Builder, zero_based_index};
-use super::error::{Place, ReadError};
+use super::error::{FileLocation, ReadError};
 use super::off_keyword::Variant;
 use super::{MeshFormat, RawMesh, ReadLimits};
 
@@ -10,14 +10,14 @@ use super::{MeshFormat, RawMesh, ReadLimits};
 pub(super) fn read(bytes: &[u8], at: usize, variant: Variant, limits: &ReadLimits) -> Result<RawMesh, ReadError> {
     let mut source = Source { bytes, at };
     let mut builder = Builder::new(limits);
-    let header = |at, reason| ReadError::Header { format: MeshFormat::Off, place: Place::Byte(at), reason };
+    let header = |at, reason| ReadError::Header { format: MeshFormat::Off, location: FileLocation::Byte(at), reason };
     if variant.dimension && source.integer() != Some(3) {
         return Err(header(at, "the dimension is not 3"));
     }
     let mut count = |element: &'static str| {
-        let place = Place::Byte(source.at);
+        let location = FileLocation::Byte(source.at);
         let count = i64::from(source.integer().ok_or_else(|| header(source.at, "the counts are cut short"))?);
-        u64::try_from(count).map_err(|_| ReadError::InvalidCount { place, count, element })
+        u64::try_from(count).map_err(|_| ReadError::InvalidCount { location, count, element })
     };
     let (declared_vertices, declared_faces, _) = (count("vertices")?, count("faces")?, count("edges")?);
     let (coordinates, width) = (if variant.homogeneous { 4 } else { 3 }, variant.vertex_numbers());
@@ -38,21 +38,21 @@ pub(super) fn read(bytes: &[u8], at: usize, variant: Variant, limits: &ReadLimit
     let vertices = builder.mesh.positions.len();
     for number in 0..declared_faces as usize {
         let truncated = || ReadError::Truncated { element: "face", number, declared: declared_faces as usize };
-        let place = Place::Byte(source.at);
+        let location = FileLocation::Byte(source.at);
         let corners = source.integer().ok_or_else(truncated)?;
         if corners < 0 {
-            return Err(ReadError::InvalidCount { place, count: corners.into(), element: "corners" });
+            return Err(ReadError::InvalidCount { location, count: corners.into(), element: "corners" });
         }
         for _ in 0..corners {
-            let place = Place::Byte(source.at);
+            let location = FileLocation::Byte(source.at);
             let index = source.integer().ok_or_else(truncated)?;
-            builder.corner(zero_based_index(index.into(), vertices, "face", number, place)?, place)?;
+            builder.corner(zero_based_index(index.into(), vertices, "face", number, location)?, location)?;
         }
         builder.end_polygon();
-        let place = Place::Byte(source.at);
+        let location = FileLocation::Byte(source.at);
         let colours = source.integer().ok_or_else(truncated)?;
         let passed = usize::try_from(colours).map_err(|_| ReadError::InvalidCount {
-            place,
+            location,
             count: colours.into(),
             element: "colours",
         })?;

@@ -83,7 +83,7 @@ fn read_ascii(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
     let mut facets = 0usize;
     let mut corners = 0usize;
     while text.any() {
-        let place = text.place();
+        let location = text.location();
         let word = text.token();
         if word.eq_ignore_ascii_case(b"vertex") {
             let mut position = [0.0; 3];
@@ -97,7 +97,7 @@ fn read_ascii(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
             corners += 1;
         } else if word.eq_ignore_ascii_case(b"endloop") {
             if corners != 3 {
-                return Err(ReadError::FacetCorners { place, corners });
+                return Err(ReadError::FacetCorners { location, corners });
             }
             let end = builder.mesh.positions.len() as u32;
             builder.triangle([end - 3, end - 2, end - 1])?;
@@ -113,13 +113,13 @@ fn read_ascii(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
         } else if word.eq_ignore_ascii_case(b"solid") {
             solids += 1;
             if solids > limits.groups {
-                return Err(ReadError::TooManyGroups { place, limit: limits.groups });
+                return Err(ReadError::TooManyGroups { location, limit: limits.groups });
             }
             text.skip_line();
         } else if word.eq_ignore_ascii_case(b"endsolid") {
             text.skip_line();
         } else if ![b"facet".as_slice(), b"outer", b"loop", b"endfacet"].iter().any(|w| word.eq_ignore_ascii_case(w)) {
-            return Err(ReadError::UnexpectedWord { place, token: shorten(word) });
+            return Err(ReadError::UnexpectedWord { location, token: shorten(word) });
         }
     }
     if corners > 0 {
@@ -130,7 +130,7 @@ fn read_ascii(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::error::Place;
+    use super::super::error::FileLocation;
     use super::*;
 
     const TRIANGLES: [[[f32; 3]; 3]; 2] =
@@ -205,7 +205,7 @@ mod tests {
         assert_eq!(read(&text.as_bytes()[..cut]).unwrap_err().kind(), "truncated-file");
         assert_eq!(
             read(text.replacen("   vertex 0 0e0 0\n", "", 1).as_bytes()),
-            Err(ReadError::FacetCorners { place: Place::Line(6), corners: 2 })
+            Err(ReadError::FacetCorners { location: FileLocation::Line(6), corners: 2 })
         );
         assert_eq!(read(text.replace("OUTER", "inner").as_bytes()).unwrap_err().kind(), "unexpected-word");
         assert_eq!(read(text.replace("1.5e0", "1,5").as_bytes()).unwrap_err().kind(), "not-a-number");

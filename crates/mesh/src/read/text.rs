@@ -1,6 +1,6 @@
 //! Words and numbers of a text file, without an allocation per line.
 
-use super::error::{Place, ReadError, shorten};
+use super::error::{FileLocation, ReadError, shorten};
 
 /// A position in a text. Lines end with `\n`, `\r\n` or `\r`; `#` at the start of a word begins a comment; a backslash
 /// at the end of a line joins it with the next one.
@@ -26,8 +26,8 @@ impl<'a> Text<'a> {
         Self { bytes, at, line }
     }
 
-    pub fn place(&self) -> Place {
-        Place::Line(self.line)
+    pub fn location(&self) -> FileLocation {
+        FileLocation::Line(self.line)
     }
 
     pub fn remaining(&self) -> usize {
@@ -109,7 +109,7 @@ impl<'a> Text<'a> {
         }
         let token = self.peek();
         let value = parse_f64(token).ok_or_else(|| ReadError::NotANumber {
-            place: self.place(),
+            location: self.location(),
             token: shorten(token),
             expected,
         })?;
@@ -140,15 +140,14 @@ impl<'a> Text<'a> {
         if digits.is_empty() || !digits.iter().all(u8::is_ascii_digit) {
             return match parse_f64(token) {
                 Some(value) if value.fract() == 0.0 && value.abs() < 9e15 => Ok(value as i64),
-                _ => Err(ReadError::NotANumber { place: self.place(), token: shorten(token), expected }),
+                _ => Err(ReadError::NotANumber { location: self.location(), token: shorten(token), expected }),
             };
         }
         let mut value = 0i64;
         for &digit in digits {
-            value = value
-                .checked_mul(10)
-                .and_then(|v| v.checked_add(i64::from(digit - b'0')))
-                .ok_or_else(|| ReadError::NumberTooLarge { place: self.place(), token: shorten(token), expected })?;
+            value = value.checked_mul(10).and_then(|v| v.checked_add(i64::from(digit - b'0'))).ok_or_else(|| {
+                ReadError::NumberTooLarge { location: self.location(), token: shorten(token), expected }
+            })?;
         }
         Ok(if negative { -value } else { value })
     }
@@ -156,10 +155,10 @@ impl<'a> Text<'a> {
     /// A count that begins on this line, at least zero.
     pub fn count(&mut self, element: &'static str) -> Result<u64, ReadError> {
         if !self.on_line() {
-            return Err(ReadError::MissingValue { place: self.place(), expected: "a count" });
+            return Err(ReadError::MissingValue { location: self.location(), expected: "a count" });
         }
         let count = self.integer("a count")?;
-        u64::try_from(count).map_err(|_| ReadError::InvalidCount { place: self.place(), count, element })
+        u64::try_from(count).map_err(|_| ReadError::InvalidCount { location: self.location(), count, element })
     }
 }
 
@@ -330,11 +329,15 @@ mod tests {
             let mut text = Text::new(file.as_bytes());
             let mut seen = Vec::new();
             while text.any() {
-                seen.push((text.token().to_vec(), text.place()));
+                seen.push((text.token().to_vec(), text.location()));
             }
             assert_eq!(
                 seen,
-                [(b"a".to_vec(), Place::Line(1)), (b"b".to_vec(), Place::Line(2)), (b"d".to_vec(), Place::Line(5))]
+                [
+                    (b"a".to_vec(), FileLocation::Line(1)),
+                    (b"b".to_vec(), FileLocation::Line(2)),
+                    (b"d".to_vec(), FileLocation::Line(5))
+                ]
             );
         }
         let mut text = Text::new(b"f 1 \\\n2\n3");
@@ -343,7 +346,7 @@ mod tests {
             text.token();
             words += 1;
         }
-        assert_eq!((words, text.place()), (3, Place::Line(2)));
+        assert_eq!((words, text.location()), (3, FileLocation::Line(2)));
     }
 
     proptest! {

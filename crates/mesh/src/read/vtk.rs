@@ -1,7 +1,7 @@
 //! VTK's legacy files, ASCII and binary: polygonal data and unstructured grids. Those in XML: `vtk_xml`.
 
 use super::builder::{Builder, zero_based_index};
-use super::error::{Place, ReadError, shorten};
+use super::error::{FileLocation, ReadError, shorten};
 use super::text::Text;
 use super::{MeshFormat, RawMesh, ReadLimits};
 
@@ -16,12 +16,12 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
     while file.text.any() {
         sections += 1;
         if sections > limits.groups {
-            return Err(ReadError::TooManyGroups { place: file.text.place(), limit: limits.groups });
+            return Err(ReadError::TooManyGroups { location: file.text.location(), limit: limits.groups });
         }
-        let place = file.text.place();
+        let location = file.text.location();
         match file.text.token() {
             b"POINTS" if !builder.mesh.positions.is_empty() => {
-                return Err(ReadError::DuplicateElement { place, element: "POINTS" });
+                return Err(ReadError::DuplicateElement { location, element: "POINTS" });
             }
             b"POINTS" => file.points(&mut builder)?,
             b"VERTICES" | b"LINES" => {
@@ -29,10 +29,10 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
             }
             b"POLYGONS" => file.cells()?.each(|number, cell| add(&mut builder, 7, number, cell))?,
             b"TRIANGLE_STRIPS" => file.cells()?.each(|number, cell| add(&mut builder, 6, number, cell))?,
-            b"CELLS" if grid.is_some() => return Err(ReadError::DuplicateElement { place, element: "CELLS" }),
+            b"CELLS" if grid.is_some() => return Err(ReadError::DuplicateElement { location, element: "CELLS" }),
             b"CELLS" => grid = Some(file.cells()?),
             b"CELL_TYPES" => {
-                let cells = grid.take().ok_or(ReadError::MissingSection { place, section: "CELLS" })?;
+                let cells = grid.take().ok_or(ReadError::MissingSection { location, section: "CELLS" })?;
                 let declared = file.text.count("cell types")?;
                 let kinds = file.integers(declared, "int", "cell type")?;
                 if kinds.len() != cells.ends.len() {
@@ -44,11 +44,11 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
             b"METADATA" => file.pass_over_metadata(),
             b"FIELD" => file.pass_over_fields()?,
             b"POINT_DATA" | b"CELL_DATA" => break,
-            word => return Err(ReadError::UnexpectedWord { place, token: shorten(word) }),
+            word => return Err(ReadError::UnexpectedWord { location, token: shorten(word) }),
         }
     }
     if grid.is_some() {
-        return Err(ReadError::MissingSection { place: file.text.place(), section: "CELL_TYPES" });
+        return Err(ReadError::MissingSection { location: file.text.location(), section: "CELL_TYPES" });
     }
     builder.finish()
 }
@@ -58,17 +58,17 @@ pub(super) fn add(
     builder: &mut Builder,
     kind: i64,
     number: usize,
-    (corners, place): (&[i64], Place),
+    (corners, location): (&[i64], FileLocation),
 ) -> Result<(), ReadError> {
     let vertices = builder.mesh.positions.len();
-    let vertex = |index: i64| zero_based_index(index, vertices, "cell", number, place);
+    let vertex = |index: i64| zero_based_index(index, vertices, "cell", number, location);
     let least = |count: usize| {
         let short = ReadError::Truncated { element: "cell", number, declared: count };
         if corners.len() < count { Err(short) } else { Ok(()) }
     };
     let polygon = |builder: &mut Builder, order: &mut dyn Iterator<Item = i64>| {
         for index in order {
-            builder.corner(vertex(index)?, place)?;
+            builder.corner(vertex(index)?, location)?;
         }
         builder.end_polygon();
         Ok(())
@@ -113,14 +113,17 @@ pub(super) fn add(
 pub(super) struct Cells {
     pub ends: Vec<u32>,
     pub corners: Vec<i64>,
-    pub place: Place,
+    pub location: FileLocation,
 }
 
 impl Cells {
-    pub fn each(self, mut with: impl FnMut(usize, (&[i64], Place)) -> Result<(), ReadError>) -> Result<(), ReadError> {
+    pub fn each(
+        self,
+        mut with: impl FnMut(usize, (&[i64], FileLocation)) -> Result<(), ReadError>,
+    ) -> Result<(), ReadError> {
         let mut begin = 0;
         for (number, &end) in self.ends.iter().enumerate() {
-            with(number, (&self.corners[begin..end as usize], self.place))?;
+            with(number, (&self.corners[begin..end as usize], self.location))?;
             begin = end as usize;
         }
         Ok(())
@@ -137,7 +140,8 @@ struct File<'a> {
 
 impl<'a> File<'a> {
     fn new(bytes: &'a [u8]) -> Result<Self, ReadError> {
-        let wrong = |line, reason| ReadError::Header { format: MeshFormat::Vtk, place: Place::Line(line), reason };
+        let wrong =
+            |line, reason| ReadError::Header { format: MeshFormat::Vtk, location: FileLocation::Line(line), reason };
         let mut ends = bytes.iter().enumerate().filter(|(_, byte)| **byte == b'\n').map(|(at, _)| at + 1);
         let [Some(first), Some(second)] = [ends.next(), ends.next()] else {
             return Err(wrong(1, "a line with the version and one with a title are missing"));
@@ -157,15 +161,15 @@ impl<'a> File<'a> {
 
     fn word(&mut self, expected: &'static str) -> Result<&'a [u8], ReadError> {
         if !self.text.any() {
-            return Err(ReadError::MissingValue { place: self.text.place(), expected });
+            return Err(ReadError::MissingValue { location: self.text.location(), expected });
         }
         Ok(self.text.token())
     }
 
     fn dataset(&mut self) -> Result<(), ReadError> {
-        let place = self.text.place();
+        let location = self.text.location();
         if self.word("DATASET")? != b"DATASET" {
-            return Err(ReadError::MissingSection { place, section: "DATASET" });
+            return Err(ReadError::MissingSection { location, section: "DATASET" });
         }
         match self.word("a kind of data")? {
             b"POLYDATA" | b"UNSTRUCTURED_GRID" => Ok(()),
@@ -175,10 +179,10 @@ impl<'a> File<'a> {
 
     fn points(&mut self, builder: &mut Builder) -> Result<(), ReadError> {
         let declared = self.text.count("points")?;
-        let place = self.text.place();
+        let location = self.text.location();
         let kind = self.word("a type of number")?;
         if !self.binary {
-            self.size(kind, place)?;
+            self.size(kind, location)?;
             builder.expect_vertices(declared, (self.text.remaining() as u64).div_ceil(6))?;
             for number in 0..declared as usize {
                 let mut position = [0.0; 3];
@@ -192,7 +196,7 @@ impl<'a> File<'a> {
             }
             return Ok(());
         }
-        let size = self.size(kind, place)?;
+        let size = self.size(kind, location)?;
         let possible = self.text.remaining() as u64 / (3 * size as u64);
         builder.expect_vertices(declared, possible)?;
         let block = self.block(3 * declared, size, "point")?;
@@ -202,7 +206,7 @@ impl<'a> File<'a> {
             _ => f64::NAN,
         };
         if !matches!(kind, b"float" | b"double") {
-            return Err(ReadError::UnknownType { place, name: shorten(kind) });
+            return Err(ReadError::UnknownType { location, name: shorten(kind) });
         }
         for point in block.chunks_exact(3 * size) {
             builder.vertex([0, 1, 2].map(|k| number(&point[k * size..(k + 1) * size])))?;
@@ -211,13 +215,13 @@ impl<'a> File<'a> {
     }
 
     /// The bytes of a number of a type.
-    fn size(&self, kind: &[u8], place: Place) -> Result<usize, ReadError> {
+    fn size(&self, kind: &[u8], location: FileLocation) -> Result<usize, ReadError> {
         Ok(match kind {
             b"char" | b"unsigned_char" | b"signed_char" => 1,
             b"short" | b"unsigned_short" => 2,
             b"int" | b"unsigned_int" | b"float" | b"vtkIdType" => 4,
             b"long" | b"unsigned_long" | b"double" | b"vtktypeint64" | b"vtktypeuint64" => 8,
-            other => return Err(ReadError::UnknownType { place, name: shorten(other) }),
+            other => return Err(ReadError::UnknownType { location, name: shorten(other) }),
         })
     }
 
@@ -230,15 +234,15 @@ impl<'a> File<'a> {
             return Err(ReadError::CountExceedsFile { element, declared: numbers, possible });
         }
         let end = at + numbers as usize * size;
-        let Place::Line(line) = self.text.place() else { return Ok(&[]) };
+        let FileLocation::Line(line) = self.text.location() else { return Ok(&[]) };
         self.text = Text::resume(self.bytes, end, line);
         Ok(&self.bytes[at..end])
     }
 
     /// So many integers of a type.
     fn integers(&mut self, count: u64, kind: &str, element: &'static str) -> Result<Vec<i64>, ReadError> {
-        let place = self.text.place();
-        let size = self.size(kind.as_bytes(), place)?;
+        let location = self.text.location();
+        let size = self.size(kind.as_bytes(), location)?;
         if self.binary {
             let block = self.block(count, size, element)?;
             let signed = !kind.starts_with("unsigned");
@@ -260,7 +264,7 @@ impl<'a> File<'a> {
 
     fn cells(&mut self) -> Result<Cells, ReadError> {
         let (declared, size) = (self.text.count("cells")?, self.text.count("numbers")?);
-        let place = self.text.place();
+        let location = self.text.location();
         let wrong = |number: usize| ReadError::Truncated { element: "cell", number, declared: declared as usize };
         if self.offsets {
             let offsets = self.named(b"OFFSETS", "OFFSETS", declared)?;
@@ -278,7 +282,7 @@ impl<'a> File<'a> {
                 last = end;
                 ends.push(u32::try_from(end).map_err(|_| wrong(number - 1))?);
             }
-            return Ok(Cells { ends, corners, place });
+            return Ok(Cells { ends, corners, location });
         }
         let mut corners = self.integers(size, "int", "cell")?;
         let (mut ends, mut at, mut kept) = (Vec::new(), 0usize, 0usize);
@@ -293,14 +297,14 @@ impl<'a> File<'a> {
             ends.push(u32::try_from(kept).map_err(|_| wrong(number))?);
         }
         corners.truncate(kept);
-        Ok(Cells { ends, corners, place })
+        Ok(Cells { ends, corners, location })
     }
 
     /// An array with its name and type before it.
     fn named(&mut self, name: &[u8], section: &'static str, count: u64) -> Result<Vec<i64>, ReadError> {
-        let place = self.text.place();
+        let location = self.text.location();
         if self.word(section)? != name {
-            return Err(ReadError::MissingSection { place, section });
+            return Err(ReadError::MissingSection { location, section });
         }
         let kind = String::from_utf8_lossy(self.word("a type of number")?).into_owned();
         self.integers(count, &kind, section)
@@ -320,9 +324,9 @@ impl<'a> File<'a> {
         for _ in 0..self.text.count("arrays")? {
             let _name = self.word("the name of an array")?;
             let (columns, rows) = (self.text.count("components")?, self.text.count("tuples")?);
-            let place = self.text.place();
+            let location = self.text.location();
             let kind = self.word("a type of number")?;
-            let size = self.size(kind, place)?;
+            let size = self.size(kind, location)?;
             let numbers = columns.saturating_mul(rows);
             if self.binary {
                 self.block(numbers, size, "field")?;

@@ -9,7 +9,7 @@ use flate2::bufread::ZlibDecoder;
 use roxmltree::Node;
 
 use super::MeshFormat;
-use super::error::{Place, ReadError, shorten};
+use super::error::{FileLocation, ReadError, shorten};
 
 /// Compressed arrays of positions, corners and ends unfold to at most so many times the bytes that are there; real ones
 /// do to less than eleven times.
@@ -87,7 +87,7 @@ enum Data<'a> {
 
 /// An array of numbers.
 pub(super) struct Array<'a> {
-    pub place: Place,
+    pub location: FileLocation,
     name: &'static str,
     kind: Kind,
     data: Data<'a>,
@@ -97,19 +97,19 @@ pub(super) struct Array<'a> {
 impl<'a> Array<'a> {
     /// The array of an element `DataArray`; `name` is what messages call its rows.
     pub fn of(node: Node<'a, '_>, coding: Coding<'a>, name: &'static str) -> Result<Self, ReadError> {
-        let told = |attribute: &str| node.attribute(attribute).unwrap_or_default().trim();
+        let value_of = |attribute: &str| node.attribute(attribute).unwrap_or_default().trim();
         let unknown = |attribute: &str| {
-            refuse(format!("{name}: `{}` is not supported as {attribute}", shorten(told(attribute).as_bytes())))
+            refuse(format!("{name}: `{}` is not supported as {attribute}", shorten(value_of(attribute).as_bytes())))
         };
-        let kind = Kind::of(told("type")).ok_or_else(|| unknown("type"))?;
+        let kind = Kind::of(value_of("type")).ok_or_else(|| unknown("type"))?;
         let inside = node.text().unwrap_or_default();
-        let data = match told("format") {
+        let data = match value_of("format") {
             "ascii" | "" => Data::Text(inside),
             "binary" => Data::Base64(inside.as_bytes()),
             "appended" => {
                 let Appended { data, base64 } =
                     coding.appended.ok_or_else(|| refuse(format!("{name}: `AppendedData` is missing")))?;
-                let offset: usize = told("offset").parse().map_err(|_| unknown("offset"))?;
+                let offset: usize = value_of("offset").parse().map_err(|_| unknown("offset"))?;
                 let rest = data.get(offset..).ok_or_else(|| {
                     refuse(format!("{name}: offset {offset} lies behind the {} bytes of `AppendedData`", data.len()))
                 })?;
@@ -117,7 +117,7 @@ impl<'a> Array<'a> {
             }
             _ => return Err(unknown("format")),
         };
-        Ok(Self { place: Place::Byte(node.range().start), name, kind, data, coding })
+        Ok(Self { location: FileLocation::Byte(node.range().start), name, kind, data, coding })
     }
 
     /// The most numbers that can be there.
@@ -137,9 +137,9 @@ impl<'a> Array<'a> {
         columns: usize,
         mut take: impl FnMut(usize, f64) -> Result<(), ReadError>,
     ) -> Result<(), ReadError> {
-        self.each(count, columns, |place, number| match number {
-            Number::Whole(number) => take(place, number as f64),
-            Number::Real(number) => take(place, number),
+        self.each(count, columns, |index, number| match number {
+            Number::Whole(number) => take(index, number as f64),
+            Number::Real(number) => take(index, number),
         })
     }
 
@@ -205,7 +205,7 @@ impl<'a> Array<'a> {
             Kind::Float32 | Kind::Float64 => word.parse().ok().map(Number::Real),
         };
         let unread =
-            || ReadError::NotANumber { place: self.place, token: shorten(word.as_bytes()), expected: self.name };
+            || ReadError::NotANumber { location: self.location, token: shorten(word.as_bytes()), expected: self.name };
         number.ok_or_else(unread)
     }
 

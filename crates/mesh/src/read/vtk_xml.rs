@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use roxmltree::Node;
 
 use super::builder::Builder;
-use super::error::{Place, ReadError, shorten};
+use super::error::{FileLocation, ReadError, shorten};
 use super::vtk::{self, Cells};
 use super::vtk_arrays::{Appended, Array, Coding, refuse};
 use super::{MeshFormat, RawMesh, ReadLimits, xml};
@@ -26,19 +26,19 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
     let (text, appended) = apart(bytes)?;
     let document = xml::parse(&text, MeshFormat::Vtk)?;
     let root = document.root_element();
-    let told = |attribute: &str| root.attribute(attribute).unwrap_or_default();
+    let value_of = |attribute: &str| root.attribute(attribute).unwrap_or_default();
     let unsupported = |attribute: &str| ReadError::UnsupportedEncoding {
         format: MeshFormat::Vtk,
-        encoding: shorten(told(attribute).as_bytes()),
+        encoding: shorten(value_of(attribute).as_bytes()),
     };
-    let data = match told("type") {
-        "PolyData" | "UnstructuredGrid" => root.children().find(|node| node.has_tag_name(told("type"))),
+    let data = match value_of("type") {
+        "PolyData" | "UnstructuredGrid" => root.children().find(|node| node.has_tag_name(value_of("type"))),
         _ => return Err(unsupported("type")),
     };
     let coding = Coding {
-        big_endian: told("byte_order") == "BigEndian",
-        wide_sizes: told("header_type") == "UInt64",
-        compressed: match told("compressor") {
+        big_endian: value_of("byte_order") == "BigEndian",
+        wide_sizes: value_of("header_type") == "UInt64",
+        compressed: match value_of("compressor") {
             "" => false,
             "vtkZLibDataCompressor" => true,
             _ => return Err(unsupported("compressor")),
@@ -50,7 +50,7 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
     for piece in pieces {
         let first = builder.mesh.positions.len();
         points(piece, coding, &mut builder)?;
-        if told("type") == "PolyData" {
+        if value_of("type") == "PolyData" {
             for (element, number, kind) in [("Polys", "NumberOfPolys", POLYGON), ("Strips", "NumberOfStrips", STRIP)] {
                 if let Some(cells) = cells(piece, element, number, first, coding)? {
                     cells.each(|number, cell| vtk::add(&mut builder, kind, number, cell))?;
@@ -88,14 +88,14 @@ fn apart(bytes: &[u8]) -> Result<(Cow<'_, str>, Option<Appended<'_>>), ReadError
     Ok((Cow::Owned(format!("{}</VTKFile>", utf8(&bytes[..begin])?)), Some(Appended { data, base64 })))
 }
 
-/// A number that an element tells, none where it tells nothing.
-fn told_count(node: Node<'_, '_>, attribute: &str) -> Result<u64, ReadError> {
+/// A number that an attribute holds, zero where there is none.
+fn count_attribute(node: Node<'_, '_>, attribute: &str) -> Result<u64, ReadError> {
     let text = node.attribute(attribute).unwrap_or("0").trim();
     text.parse().map_err(|_| refuse(format!("`{}` is not supported as {attribute}", shorten(text.as_bytes()))))
 }
 
 fn points<'a>(piece: Node<'a, '_>, coding: Coding<'a>, builder: &mut Builder) -> Result<(), ReadError> {
-    let declared = told_count(piece, "NumberOfPoints")?;
+    let declared = count_attribute(piece, "NumberOfPoints")?;
     let points = piece.children().find(|node| node.has_tag_name("Points"));
     let array = points.and_then(|points| points.children().find(|node| node.has_tag_name("DataArray")));
     let Some(node) = array else {
@@ -133,7 +133,7 @@ fn cells(
     first: usize,
     coding: Coding<'_>,
 ) -> Result<Option<Cells>, ReadError> {
-    let declared = told_count(piece, number)?;
+    let declared = count_attribute(piece, number)?;
     if declared == 0 {
         return Ok(None);
     }
@@ -162,14 +162,14 @@ fn cells(
         corners.push(if corner < 0 { corner } else { corner.saturating_add(first as i64) });
         Ok(())
     })?;
-    Ok(Some(Cells { ends, corners, place: connectivity.place }))
+    Ok(Some(Cells { ends, corners, location: connectivity.location }))
 }
 
 /// What kind of cell each is.
 fn kinds(piece: Node<'_, '_>, count: usize, coding: Coding<'_>) -> Result<Vec<u8>, ReadError> {
     let element = piece.children().find(|node| node.has_tag_name("Cells"));
-    let element =
-        element.ok_or(ReadError::MissingSection { place: Place::Byte(piece.range().start), section: "Cells" })?;
+    let element = element
+        .ok_or(ReadError::MissingSection { location: FileLocation::Byte(piece.range().start), section: "Cells" })?;
     let mut kinds = Vec::with_capacity(count);
     named(element, ("types", "type"), coding)?.each_whole(count, |kind| {
         // No cell has the last of all numbers for its type.

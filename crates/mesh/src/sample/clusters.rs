@@ -56,7 +56,7 @@ impl Clusters {
         }
         let centres: Vec<Vector3> =
             sums.iter().map(|&(sum, total, any)| if total > 0.0 { sum / total } else { any }).collect();
-        let graph = touching(connectivity, &of, &centres);
+        let graph = cluster_adjacency(connectivity, &of, &centres);
         Ok(Some(Self { of, centres, masses: sums.iter().map(|s| s.1).collect(), graph }))
     }
 
@@ -178,7 +178,7 @@ fn grow(
 }
 
 /// The graph of clusters that share an edge of the mesh.
-fn touching(connectivity: &Connectivity, of: &[u32], centres: &[Vector3]) -> Connectivity {
+fn cluster_adjacency(connectivity: &Connectivity, of: &[u32], centres: &[Vector3]) -> Connectivity {
     let mut pairs: Vec<u64> = Vec::new();
     let mut last = 0;
     for v in 0..of.len() as u32 {

@@ -12,8 +12,8 @@ use chladni_base::Unwatched;
 use chladni_mesh::TriangleMesh;
 use chladni_spectral::basis::completeness;
 use chladni_spectral::operator::{EigenProblem, OperatorParameters, assemble};
-use chladni_spectral::spectrum::hsim::{Eigenpairs, HsimError, HsimParameters, Wanted, solve};
-use chladni_spectral::spectrum::nested::{self, Places};
+use chladni_spectral::spectrum::hsim::{Eigenpairs, HsimError, HsimParameters, Selection, solve};
+use chladni_spectral::spectrum::nested::{self, RowPositions};
 use symmetric::Copies;
 
 /// Questions about each mesh.
@@ -220,12 +220,12 @@ impl Subject {
     }
 
     fn solve(&self, question: &Question) -> Result<Eigenpairs, HsimError> {
-        let wanted = match question.wanted {
-            Request::Count(count) => Wanted::Count(count),
-            Request::Below(bound) => Wanted::Below { bound, most: self.truth.values.len() },
+        let selection = match question.wanted {
+            Request::Count(count) => Selection::Count(count),
+            Request::Below(bound) => Selection::Below { bound, most: self.truth.values.len() },
         };
         let parameters = HsimParameters {
-            wanted,
+            selection,
             tolerance: question.tolerance,
             variant: question.variant,
             seed: question.seed,
@@ -233,7 +233,7 @@ impl Subject {
         };
         let (problem, vertices) = (&self.truth.problem, self.mesh.positions.len());
         if self.graph {
-            nested::solve(problem, Places::Nowhere, vertices, &parameters, &Unwatched)
+            nested::solve(problem, RowPositions::Nowhere, vertices, &parameters, &Unwatched)
         } else {
             solve(&self.mesh, problem, &parameters, false, &Unwatched)
         }

@@ -48,7 +48,7 @@ fn combine(y: &mut [f64], s: &Row, t: &Row, x: &[f64]) {
 }
 
 /// The state of one panel of conjugate gradients.
-struct Panel {
+struct PanelIteration {
     index: usize,
     values: Row,
     solution: Vec<f64>,
@@ -60,7 +60,7 @@ struct Panel {
     first: Row,
 }
 
-impl Panel {
+impl PanelIteration {
     fn is_open(&self, k: usize) -> bool {
         self.size[k] > FALL * FALL * self.first[k]
     }
@@ -109,10 +109,10 @@ impl Complement<'_> {
             let direction = preconditioned.panels()[index].clone();
             let nothing = || vec![0.0; right.len()];
             let (solution, image, residual) = (nothing(), nothing(), right.clone());
-            Panel { index, values: own, solution, residual, direction, image, size, first: size }
+            PanelIteration { index, values: own, solution, residual, direction, image, size, first: size }
         };
-        let mut panels: Vec<Panel> = right.panels().iter().enumerate().map(begin).collect();
-        let open = |panels: &[Panel]| {
+        let mut panels: Vec<PanelIteration> = right.panels().iter().enumerate().map(begin).collect();
+        let open = |panels: &[PanelIteration]| {
             let mut all = panels.iter().flat_map(|panel| (0..PANEL_WIDTH).map(move |k| (panel, k)));
             all.find(|(panel, k)| panel.is_open(*k)).map(|(panel, k)| panel.index * PANEL_WIDTH + k)
         };
@@ -142,7 +142,7 @@ impl Complement<'_> {
     }
 
     /// One step along the directions; `preconditioned` becomes what the preconditioner makes of the residual.
-    fn step(&self, panel: &mut Panel, preconditioned: &mut [f64]) -> Result<(), AnalysisError> {
+    fn step(&self, panel: &mut PanelIteration, preconditioned: &mut [f64]) -> Result<(), AnalysisError> {
         residual_panel(self.stiffness, self.mass, &panel.direction, &panel.values, &mut panel.image);
         let curvature = dots(&panel.direction, &panel.image);
         let mut length = [0.0; PANEL_WIDTH];
@@ -161,7 +161,7 @@ impl Complement<'_> {
     }
 
     /// A solution that is all but an eigenfunction of the same value belongs to a cluster that the basis cuts.
-    fn check(&self, panel: &Panel, right: &[f64]) -> Result<(), AnalysisError> {
+    fn check(&self, panel: &PanelIteration, right: &[f64]) -> Result<(), AnalysisError> {
         let mut image = vec![0.0; panel.solution.len()];
         mass_times_panel(self.mass, &panel.solution, &mut image);
         let (forms, masses) = (dots(&panel.solution, right), dots(&panel.solution, &image));

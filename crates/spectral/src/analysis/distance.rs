@@ -255,9 +255,10 @@ mod tests {
             text(diffusion(f64::NAN).from_sources(&basis, &[1]))
                 .starts_with("time must be a finite positive number, got NaN")
         );
-        assert!(text(diffusion(1.0).from_sources(&basis, &[])).ends_with("sources must be between 1 and 64, got 0"));
+        assert!(text(diffusion(1.0).from_sources(&basis, &[])).ends_with("sources must be between 1 and 128, got 0"));
         assert!(
-            text(diffusion(1.0).from_sources(&basis, &[0; 129])).ends_with("sources must be between 1 and 64, got 129")
+            text(diffusion(1.0).from_sources(&basis, &[0; 129]))
+                .ends_with("sources must be between 1 and 128, got 129")
         );
         assert_eq!(text(diffusion(1.0).between(&basis, &[[0, 1], [2, 10]])), "pair 1 is vertex 10 of 10");
         let mut negative = chain(10, 4);

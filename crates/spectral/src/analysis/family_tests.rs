@@ -6,7 +6,7 @@ use super::*;
 use crate::operator::family::family;
 use crate::operator::{OperatorKind, OperatorParameters, Potential, assemble};
 use crate::spectrum::family::restrict_family;
-use crate::spectrum::hsim::{self, HsimParameters, Wanted};
+use crate::spectrum::hsim::{self, HsimParameters, Selection};
 
 fn restricted(mesh: &TriangleMesh, dimension: usize) -> FamilyBasis {
     restrict_family(mesh, &family(mesh, &Unwatched).unwrap(), dimension, 0, &Unwatched).unwrap()
@@ -73,7 +73,8 @@ fn members_between_the_anchors_have_the_values_of_their_operators() {
             let found = spectrum(&basis, member, 50).unwrap();
             let direct =
                 assemble(&mesh, &OperatorParameters { operator, ..Default::default() }, &Unwatched).unwrap().problem;
-            let wanted = HsimParameters { wanted: Wanted::Count(50), tolerance: 1e-6, ..HsimParameters::default() };
+            let wanted =
+                HsimParameters { selection: Selection::Count(50), tolerance: 1e-6, ..HsimParameters::default() };
             let exact = hsim::solve(&mesh, &direct, &wanted, false, &Unwatched).unwrap();
             for (a, b) in found.eigenvalues.iter().zip(&exact.values).skip(1) {
                 assert!(*a > b * (1.0 - 1e-6) && *a < 1.005 * b, "{shape:?}, {member:?}: {a} {b}");

@@ -334,7 +334,10 @@ mod tests {
         let (basis, x) = (chain(10, 3), functions(10, 1));
         let error = |transfer: Transfer| filter(&basis, &x, &transfer).unwrap_err().to_string();
         assert_eq!(error(Transfer::Heat { time: -1.0 }), "time must be a finite number that is not negative, got -1");
-        assert!(error(Transfer::LowPass { cutoff: f64::NAN }).ends_with("cutoff must be a finite number, got NaN"));
+        assert!(
+            error(Transfer::LowPass { cutoff: f64::NAN })
+                .ends_with("cutoff must be a finite number that is not negative, got NaN")
+        );
         assert!(
             error(Transfer::BandPass { low: 2.0, high: 1.0 })
                 .ends_with("high must be a finite number not below low, got 1")

@@ -7,12 +7,12 @@ use chladni_mesh::TriangleMesh;
 
 use crate::basis::{Basis, Certificate, Compact, DenseFunctions, Functions, Precision, Provenance};
 use crate::operator::MeshOperator;
-use crate::spectrum::hsim::{HsimParameters, Wanted, solve};
+use crate::spectrum::hsim::{HsimParameters, Selection, solve};
 
 /// The lowest pairs of an operator to a tolerance, in double precision, with what it was assembled of.
 pub fn solved(operator: &MeshOperator, vertices: usize, count: usize, tolerance: f64) -> Basis {
     let mesh = TriangleMesh { positions: vec![[0.0; 3]; vertices], faces: Vec::new(), ..Default::default() };
-    let parameters = HsimParameters { wanted: Wanted::Count(count), tolerance, ..HsimParameters::default() };
+    let parameters = HsimParameters { selection: Selection::Count(count), tolerance, ..HsimParameters::default() };
     let pairs = solve(&mesh, &operator.problem, &parameters, false, &Unwatched).unwrap();
     Basis {
         functions: Functions::Dense(DenseFunctions::from_panels(pairs.vectors, Precision::F64)),

@@ -265,7 +265,7 @@ mod tests {
     use super::*;
     use crate::basis::{Certificate, DenseFunctions, Functions, Precision};
     use crate::operator::{OperatorParameters, assemble};
-    use crate::spectrum::hsim::{self, HsimParameters, Wanted};
+    use crate::spectrum::hsim::{self, HsimParameters, Selection};
     use chladni_base::Unwatched;
     use chladni_mesh::shape::{Shape, generate};
 
@@ -278,7 +278,7 @@ mod tests {
     /// The lowest pairs of the Laplacian, as columns.
     fn solved(mesh: &TriangleMesh, count: usize) -> Basis {
         let operator = assemble(mesh, &OperatorParameters::default(), &Unwatched).unwrap();
-        let parameters = HsimParameters { wanted: Wanted::Count(count), ..HsimParameters::default() };
+        let parameters = HsimParameters { selection: Selection::Count(count), ..HsimParameters::default() };
         let pairs = hsim::solve(mesh, &operator.problem, &parameters, false, &Unwatched).unwrap();
         Basis {
             functions: Functions::Dense(DenseFunctions::from_panels(pairs.vectors, Precision::F64)),
@@ -358,7 +358,7 @@ mod tests {
         assert_eq!(text(&[3, 9999], None), format!("source 1 is vertex 9999 of {}", mesh.positions.len()));
         assert!(
             text(&[3], Some(0.0)).starts_with("time must be a finite positive number, got 0")
-                && text(&[], None).ends_with("must be between 1 and 128, got 0")
+                && text(&[], None).ends_with("must be between 1 and 256, got 0")
         );
         let other = generate(Shape::Sphere, 500).unwrap();
         assert!(geodesic(&basis, &other, &[3], false, None).unwrap_err().to_string().contains("the mesh"));

@@ -73,7 +73,7 @@ pub fn svg(places: &DenseMatrix, labels: &[String], held: &[f64]) -> String {
             out,
             "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.1}\" fill=\"{colour}\" fill-opacity=\".8\"><title>{name}</title></circle>",
         );
-        if let Some((x, y, anchor)) = names.place(x, y, radius + 3.0, label.chars().count()) {
+        if let Some((x, y, anchor)) = names.free_position(x, y, radius + 3.0, label.chars().count()) {
             let _ = writeln!(
                 out,
                 "<text x=\"{x:.1}\" y=\"{y:.1}\" fill=\"{colour}\" text-anchor=\"{anchor}\">{name}</text>"
@@ -92,7 +92,7 @@ impl Names {
     /// A free place beside a point, as near its height as can be: end of the text at the point, base line, and which
     /// end it is. Names stand to the right of points in the left half and to the left of others, so that they stay
     /// within the picture.
-    fn place(&mut self, x: f64, y: f64, gap: f64, letters: usize) -> Option<(f64, f64, &'static str)> {
+    fn free_position(&mut self, x: f64, y: f64, gap: f64, letters: usize) -> Option<(f64, f64, &'static str)> {
         let width = LETTER * letters as f64;
         let (at, low, high, anchor) = if x < 0.5 * WIDTH {
             (x + gap, x + gap, x + gap + width, "start")

@@ -180,7 +180,7 @@ fn scale(distances: &DenseMatrix, dimensions: usize) -> Result<(DenseMatrix, Vec
 mod tests {
     use super::*;
     use crate::operator::{Boundary, OperatorKind, OperatorParameters, Potential, assemble};
-    use crate::spectrum::hsim::{self, HsimParameters, Wanted};
+    use crate::spectrum::hsim::{self, HsimParameters, Selection};
     use chladni_mesh::TriangleMesh;
 
     const PLAIN: Comparison = Comparison { count: 3, scale: Scale::None, weighting: Weighting::None, dimensions: 2 };
@@ -284,7 +284,7 @@ mod tests {
             }
         }
         let operator = assemble(&mesh, parameters, &Unwatched).unwrap();
-        let wanted = HsimParameters { wanted: Wanted::Count(count), ..HsimParameters::default() };
+        let wanted = HsimParameters { selection: Selection::Count(count), ..HsimParameters::default() };
         let eigenvalues = hsim::solve(&mesh, &operator.problem, &wanted, false, &Unwatched).unwrap().values;
         let area = operator.laplacian().area;
         let eigenvalues: Vec<f64> = eigenvalues.iter().map(|value| value / area).collect();

@@ -23,13 +23,13 @@ pub(super) struct UnitGradients {
     /// How often the triangles cover the surface.
     sheets: f64,
     corners: Vec<[u32; 3]>,
-    shapes: Vec<Shape>,
+    shapes: Vec<FaceMetric>,
     /// The other side of each half-edge.
     twins: Vec<[u32; 3]>,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Shape {
+struct FaceMetric {
     half_cotangents: [f64; 3],
     /// The area, over the square of the number of sheets.
     area: f64,
@@ -55,7 +55,7 @@ impl UnitGradients {
         order.iter().zip(0..).for_each(|(&face, new)| at[face as usize] = new);
         let shapes = order.iter().map(|&face| {
             let shape = triangulation.shapes()[face as usize];
-            Shape { half_cotangents: shape.half_cotangents, area: share * share * shape.area }
+            FaceMetric { half_cotangents: shape.half_cotangents, area: share * share * shape.area }
         });
         let twins = order.iter().map(|&face| {
             let twin = |corner: usize| triangulation.twin(3 * face + corner as u32);
@@ -131,7 +131,7 @@ impl UnitGradients {
         // Many columns would need as many times the memory in parts.
         let parts = if width == 1 { PARTS } else { 1 };
         let each = self.corners.len().div_ceil(parts).max(1);
-        let part = |(corners, shapes): (&[[u32; 3]], &[Shape])| {
+        let part = |(corners, shapes): (&[[u32; 3]], &[FaceMetric])| {
             let mut sums = vec![0.0; heat.len()];
             for (corners, shapes) in corners.chunks(AT_ONCE).zip(shapes.chunks(AT_ONCE)) {
                 add(corners, shapes, heat, columns, width, &mut sums);
@@ -149,7 +149,7 @@ impl UnitGradients {
 }
 
 /// Adds what some triangles give to their vertices.
-fn add(corners: &[[u32; 3]], shapes: &[Shape], heat: &[f64], columns: usize, width: usize, sums: &mut [f64]) {
+fn add(corners: &[[u32; 3]], shapes: &[FaceMetric], heat: &[f64], columns: usize, width: usize, sums: &mut [f64]) {
     let mut together =
         Together { steps: [[0.0; AT_ONCE]; 3], half_cotangents: [[0.0; AT_ONCE]; 3], area: [0.0; AT_ONCE] };
     for (k, shape) in shapes.iter().enumerate() {

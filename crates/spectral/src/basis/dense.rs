@@ -209,11 +209,11 @@ pub struct DenseFunctions {
     rows: usize,
     columns: usize,
     precision: Precision,
-    place: Place,
+    place: ColumnStorage,
 }
 
 #[derive(Debug, Clone)]
-enum Place {
+enum ColumnStorage {
     Memory(Vec<Arc<ColumnChunk>>),
     Elsewhere(Arc<dyn ColumnSource>),
 }
@@ -238,7 +238,7 @@ impl DenseFunctions {
             let width = (columns - index * CHUNK_COLUMNS).min(CHUNK_COLUMNS);
             Arc::new(ColumnChunk::from_panel(&panel, rows, width, precision))
         });
-        Self { rows, columns, precision, place: Place::Memory(chunks.collect()) }
+        Self { rows, columns, precision, place: ColumnStorage::Memory(chunks.collect()) }
     }
 
     /// From columns that lie in memory.
@@ -251,7 +251,7 @@ impl DenseFunctions {
             };
             Arc::new(ColumnChunk { rows, values })
         });
-        Self { rows, columns: matrix.columns(), precision, place: Place::Memory(chunks.collect()) }
+        Self { rows, columns: matrix.columns(), precision, place: ColumnStorage::Memory(chunks.collect()) }
     }
 
     /// From chunks that were read. `None` unless they have `rows` rows and make up `columns` columns in full chunks but
@@ -266,13 +266,13 @@ impl DenseFunctions {
             && chunks.iter().enumerate().all(|(index, chunk)| {
                 chunk.rows == rows && chunk.columns() == (columns - index * CHUNK_COLUMNS).min(CHUNK_COLUMNS)
             });
-        let place = Place::Memory(chunks.into_iter().map(Arc::new).collect());
+        let place = ColumnStorage::Memory(chunks.into_iter().map(Arc::new).collect());
         fits.then_some(Self { rows, columns, precision, place })
     }
 
     /// Columns that lie elsewhere and are fetched when they are needed.
     pub fn elsewhere(rows: usize, columns: usize, precision: Precision, source: Arc<dyn ColumnSource>) -> Self {
-        Self { rows, columns, precision, place: Place::Elsewhere(source) }
+        Self { rows, columns, precision, place: ColumnStorage::Elsewhere(source) }
     }
 
     /// The number of vertices.
@@ -312,8 +312,8 @@ impl DenseFunctions {
     /// be.
     pub fn chunk(&self, index: usize) -> Result<Arc<ColumnChunk>, BasisError> {
         let chunk = match &self.place {
-            Place::Memory(chunks) => chunks.get(index).cloned().ok_or(BasisError::Inconsistent)?,
-            Place::Elsewhere(source) => {
+            ColumnStorage::Memory(chunks) => chunks.get(index).cloned().ok_or(BasisError::Inconsistent)?,
+            ColumnStorage::Elsewhere(source) => {
                 source.chunk(index).map_err(|error| BasisError::Unavailable { chunk: index, error })?
             }
         };
@@ -326,8 +326,8 @@ impl DenseFunctions {
     /// All chunks in order; those in memory are given up one by one.
     pub fn into_chunks(self) -> Box<dyn Iterator<Item = Result<Arc<ColumnChunk>, BasisError>> + Send> {
         match self.place {
-            Place::Memory(chunks) => Box::new(chunks.into_iter().map(Ok)),
-            Place::Elsewhere(_) => Box::new((0..self.chunk_count()).map(move |index| self.chunk(index))),
+            ColumnStorage::Memory(chunks) => Box::new(chunks.into_iter().map(Ok)),
+            ColumnStorage::Elsewhere(_) => Box::new((0..self.chunk_count()).map(move |index| self.chunk(index))),
         }
     }
 }

@@ -136,7 +136,7 @@ pub struct Anchor {
 }
 
 impl Anchor {
-    fn told(&self) -> Value {
+    fn to_json(&self) -> Value {
         let Self { extrinsic, curvature, pairs, method } = self;
         json!({"extrinsic": extrinsic, "curvature": curvature, "pairs": pairs, "method": method})
     }
@@ -202,7 +202,7 @@ pub enum ProvenanceError {
 }
 
 /// Characters of what is unknown that a message tells.
-const TOLD: usize = 60;
+const MOST_QUOTED: usize = 60;
 
 /// A fact, as it is said.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -218,7 +218,7 @@ impl<T: DeserializeOwned> Said<T> {
     fn at(record: &Value, place: &[&str]) -> Self {
         match place.iter().try_fold(record, |value, member| value.get(member)) {
             None | Some(Value::Null) => Self::Not,
-            Some(found) => T::deserialize(found).map_or_else(|_| Self::Unknown(told(found)), Self::Known),
+            Some(found) => T::deserialize(found).map_or_else(|_| Self::Unknown(quoted(found)), Self::Known),
         }
     }
 }
@@ -233,9 +233,9 @@ impl From<Said<StatedMaterial>> for Said<Material> {
     }
 }
 
-fn told(found: &Value) -> String {
+fn quoted(found: &Value) -> String {
     let text = found.to_string();
-    match text.char_indices().nth(TOLD) {
+    match text.char_indices().nth(MOST_QUOTED) {
         Some((end, _)) => format!("{}…", &text[..end]),
         None => text,
     }
@@ -362,7 +362,7 @@ impl Provenance {
 
     /// Says for which operators the space of a family was made.
     pub(crate) fn set_anchors(&mut self, anchors: &[Anchor]) {
-        self.set("anchors", anchors.iter().map(Anchor::told).collect());
+        self.set("anchors", anchors.iter().map(Anchor::to_json).collect());
     }
 
     /// The kind of job that made it, where one did.

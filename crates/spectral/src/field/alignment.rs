@@ -204,7 +204,7 @@ impl Prescription {
     /// The weight by which designs miss it by about a percent: a hundred times what it resists with, its energy for
     /// each square of its length in the space. As the energies of a field of length 1 grow with what a space resolves
     /// around its singularities, no number would do for all spaces.
-    pub fn firm(&self, weights: EnergyWeights) -> f64 {
+    pub fn one_percent_weight(&self, weights: EnergyWeights) -> f64 {
         let resistance = weights.harmonic * self.resistance[0] + weights.biharmonic * self.resistance[1];
         // A field without energy gives way to nothing.
         FIRM * resistance.max(weights.harmonic.max(weights.biharmonic)).max(LEAST_RESISTANCE)

@@ -98,7 +98,7 @@ pub(super) fn conditions(kept: &[usize], constraints: &[Constraint]) -> Vec<Cond
 
 impl Condition {
     /// Lets a share give way less.
-    pub fn harden(&mut self) {
+    pub fn stiffen(&mut self) {
         if let Slack::Share(share) = &mut self.slack {
             *share /= HARDER;
         }

@@ -9,7 +9,7 @@ use chladni_algebra::{BlockMatrix, DefiniteFactor, DenseMatrix, vectorized};
 use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor};
 
-use super::hierarchy::{Level, row_scales};
+use super::hierarchy::{FieldLevel, row_scales};
 use super::smooth::{CYCLE_DEGREE, CYCLE_LEAST, Rows, Small, chebyshev};
 
 /// Degree of the smoother and the lower end of what it damps on the coarsest level, where that is too large to be
@@ -88,7 +88,7 @@ impl<const B: usize> Cycles<B> {
     ///
     /// # Errors
     /// Cancellation, between levels.
-    pub fn new(levels: &[Level<B>], monitor: &dyn Monitor) -> Result<Self, Cancelled> {
+    pub fn new(levels: &[FieldLevel<B>], monitor: &dyn Monitor) -> Result<Self, Cancelled> {
         let grids = levels.iter().enumerate().map(|(at, level)| {
             monitor.checkpoint()?;
             let interpolation = levels.get(at + 1).and_then(|coarser| coarser.interpolation.as_ref());
@@ -126,7 +126,7 @@ impl<const B: usize> Cycles<B> {
 }
 
 impl<const B: usize> Grid<B> {
-    fn new(level: &Level<B>, finest: bool, transfer: Option<(Rows<B>, Rows<B>)>) -> Self {
+    fn new(level: &FieldLevel<B>, finest: bool, transfer: Option<(Rows<B>, Rows<B>)>) -> Self {
         let stiffness = Rows::of(&level.stiffness);
         let masses = level.mass.diagonal().iter().map(|block| block[0][0] as f32).collect();
         let mut mass = Vec::new();

@@ -456,7 +456,7 @@ fn the_firm_weight_meets_prescribed_singularities_in_spaces_of_all_dimensions() 
             let field = PrescribedField::new(&r.surface, r.basis.kind, &prescribed, &Unwatched).unwrap();
             let prescription = Arc::new(r.model.prescription(&r.basis, &r.surface, field.clone()).unwrap());
             for weights in [EnergyWeights::default(), EnergyWeights { harmonic: 7.0, biharmonic: 0.0 }] {
-                let firm = prescription.firm(weights);
+                let firm = prescription.one_percent_weight(weights);
                 let model = r.model.weighted_with(weights, Vec::new(), Some((prescription.clone(), firm))).unwrap();
                 let design = model.solve(&r.basis, &[]).unwrap();
                 let lifted = r.basis.space.lift(&design.coefficients).unwrap();
@@ -470,7 +470,7 @@ fn the_firm_weight_meets_prescribed_singularities_in_spaces_of_all_dimensions() 
             }
             // A space without eigenpairs measures the same; those are kept in single precision.
             let sparse = DesignModel::sparse(&r.basis).prescription(&r.basis, &r.surface, field).unwrap();
-            let [a, b] = [&sparse, &*prescription].map(|p| p.firm(EnergyWeights::default()));
+            let [a, b] = [&sparse, &*prescription].map(|p| p.one_percent_weight(EnergyWeights::default()));
             assert!((a / b - 1.0).abs() < 0.02, "{a} {b}");
         }
     }

@@ -24,7 +24,7 @@ const EXPECTED_AROUND_VERTICES: f64 = 80.0;
 
 /// Bytes for each face and number of a block squared that the operator takes beside them, with some fields without
 /// energy.
-const BESIDE: f64 = 75.0;
+const OPERATOR_BYTES: f64 = 75.0;
 
 /// From so many faces on, an order by nested dissection saves more than it costs.
 const LARGE: usize = 6000;
@@ -45,7 +45,7 @@ const HALVES: u64 = 16;
 pub(super) fn expected_bytes(kind: FieldKind, faces: usize) -> f64 {
     let (faces, block) = (faces.max(2) as f64, kind.block() as f64);
     let each = if kind == (FieldKind::Vector {}) { EXPECTED_AROUND_VERTICES } else { EXPECTED };
-    block * block * faces * (each * faces.log2() + BESIDE)
+    block * block * faces * (each * faces.log2() + OPERATOR_BYTES)
 }
 
 /// The most faces of a surface of which all fields fit into so many bytes with two factors, by what is expected of

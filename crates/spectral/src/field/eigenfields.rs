@@ -14,7 +14,7 @@ use chladni_base::parallel::*;
 use super::design::{DesignError, length};
 use super::kernel::Kernel;
 use super::refine::{FullSpace, Inner, RefineError};
-use super::refine_response::{Factor, Whole, add, dot};
+use super::refine_response::{Factor, FullOperator, add, dot};
 use crate::basis::{FieldAccuracyReport, FieldCertificate};
 
 /// σ, on unit area: eigenfields of low values are told apart best by a shift below them.
@@ -110,7 +110,7 @@ impl LowestFields {
 
     /// How many fields are corrected together for so many that are wanted, of so many that there are: some more, which
     /// keep the last from mixing with what lies above them.
-    pub fn together(wanted: usize, all: usize) -> usize {
+    pub fn block_size(wanted: usize, all: usize) -> usize {
         (wanted + (wanted / 4).max(3)).min(all)
     }
 
@@ -130,7 +130,7 @@ impl LowestFields {
 impl FullSpace {
     /// Judges and corrects approximate eigenfields: `start`, the lowest of a small space by ascending value, of which
     /// the first `wanted` count. The others keep what lies above away; there should be some, see
-    /// [`LowestFields::together`].
+    /// [`LowestFields::block_size`].
     ///
     /// # Errors
     /// [`RefineError`]: a field of another length, fields that depend on each other; cancellation.
@@ -195,7 +195,7 @@ impl FullSpace {
 
 /// Fields on their way to the lowest ones.
 struct Lowest<'a, const B: usize> {
-    whole: &'a Whole<B>,
+    whole: &'a FullOperator<B>,
     factor: Factor<'a, B>,
     wanted: usize,
     /// Fields without energy that are known beforehand.
@@ -228,7 +228,7 @@ fn share_of(value: f64) -> f64 {
 
 impl<'a, const B: usize> Lowest<'a, B> {
     fn new(
-        whole: &'a Whole<B>,
+        whole: &'a FullOperator<B>,
         kernel: Option<&'a Kernel>,
         start: Vec<Vec<f64>>,
         wanted: usize,
@@ -379,7 +379,7 @@ impl<'a, const B: usize> Lowest<'a, B> {
                     },
                 );
             if !open || rounds == most {
-                return Ok(self.told(&first, corrections, rounds, !open));
+                return Ok(self.into_lowest_fields(&first, corrections, rounds, !open));
             }
             rounds += 1;
             let fields = std::mem::take(&mut self.fields);
@@ -391,14 +391,20 @@ impl<'a, const B: usize> Lowest<'a, B> {
         }
     }
 
-    fn told(self, first: &[f64], corrections: Vec<Correction>, rounds: usize, reached: bool) -> LowestFields {
+    fn into_lowest_fields(
+        self,
+        first: &[f64],
+        corrections: Vec<Correction>,
+        rounds: usize,
+        reached: bool,
+    ) -> LowestFields {
         let idle = self.idle.into_iter().map(|(field, value)| {
             let value = value.max(0.0);
             // What there is lies between zero and the value.
             WholeField { field, value, gained: 0.0, left: value, bound: value }
         });
         let pairs = self.fields.into_iter().zip(self.values).zip(first).zip(corrections);
-        let told = |(((field, value), first), own): (((Vec<f64>, f64), &f64), Correction)| WholeField {
+        let refined = |(((field, value), first), own): (((Vec<f64>, f64), &f64), Correction)| WholeField {
             field,
             value,
             gained: (first - value).max(0.0),
@@ -406,7 +412,7 @@ impl<'a, const B: usize> Lowest<'a, B> {
             left: own.gain.min(value.max(0.0)),
             bound: own.bound,
         };
-        LowestFields { fields: idle.chain(pairs.map(told)).take(self.wanted).collect(), rounds, reached }
+        LowestFields { fields: idle.chain(pairs.map(refined)).take(self.wanted).collect(), rounds, reached }
     }
 }
 

@@ -27,7 +27,7 @@ fn grid(across: usize, up: usize) -> TriangleMesh {
 fn start(surface: &FieldSurface, kind: FieldKind, dimension: usize, wanted: usize) -> (Vec<Vec<f64>>, Vec<f64>) {
     let basis = field_basis(surface, &FieldParameters::new(kind, dimension), &Unwatched).unwrap();
     let model = DesignModel::new(&basis, &Unwatched).unwrap();
-    let count = LowestFields::together(wanted, model.dimension());
+    let count = LowestFields::block_size(wanted, model.dimension());
     let lifted = |k: usize| basis.space.lift(&model.eigenfield(k)).unwrap().into_iter().map(f64::from).collect();
     ((0..count).map(lifted).collect(), model.values()[..count].to_vec())
 }
@@ -37,7 +37,7 @@ fn full(surface: &FieldSurface, kind: FieldKind) -> FullSpace {
 }
 
 /// All eigenvalues of the space of all fields.
-fn densely(surface: &FieldSurface, kind: FieldKind, count: usize) -> Vec<f64> {
+fn dense_eigenvalues(surface: &FieldSurface, kind: FieldKind, count: usize) -> Vec<f64> {
     let whole = whole_space(surface, kind, FieldBoundary::default()).unwrap();
     let (stiffness, mass): (DenseMatrix, DenseMatrix) = (whole.stiffness.to_dense(), whole.mass.to_dense());
     CpuSolver.lowest(stiffness, mass, count, &Unwatched).unwrap().values
@@ -54,7 +54,7 @@ fn estimates_tell_how_far_values_are_off_on_fair_and_on_stretched_triangles() {
         (grid(61, 5), FieldKind::NVector { n: 2 }, false),
     ] {
         let surface = FieldSurface::new(mesh).unwrap();
-        let exact = densely(&surface, kind, 60);
+        let exact = dense_eigenvalues(&surface, kind, 60);
         let (fields, values) = start(&surface, kind, 200, 12);
         let found = full(&surface, kind).eigenfields(fields, 12, EigenfieldGoal::Estimate, &Unwatched).unwrap();
         assert!(found.reached, "{kind:?}");
@@ -101,7 +101,7 @@ fn corrected_fields_are_those_of_the_whole_surface() {
         [(generate(Shape::Torus, 500).unwrap(), FieldKind::NVector { n: 4 }), (grid(61, 5), FieldKind::Vector {})]
     {
         let surface = FieldSurface::new(mesh).unwrap();
-        let exact = densely(&surface, kind, 10);
+        let exact = dense_eigenvalues(&surface, kind, 10);
         let whole = whole_space(&surface, kind, FieldBoundary::default()).unwrap();
         let (fields, _) = start(&surface, kind, 200, 10);
         let goal = EigenfieldGoal::Tolerance(1e-8);

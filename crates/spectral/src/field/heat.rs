@@ -251,7 +251,7 @@ pub(super) fn carry_frame<const B: usize>(
         let lengths = dual.lengths(face as usize);
         let inside = dual.neighbours(face as usize).into_iter().enumerate().filter(|own| own.1 != NO_FACE);
         let closer = inside.filter_map(|(k, neighbour)| {
-            let before = grower.place(neighbour).filter(|&p| p < place)?;
+            let before = grower.index_of(neighbour).filter(|&p| p < place)?;
             let turn = turn(operator.kind, dual, frames, face as usize, k)?;
             Some((1.0 / f64::from(lengths[k].max(1e-12)), turn.after(*carried.get(before)?)))
         });

@@ -54,7 +54,7 @@ impl Graph {
 }
 
 /// One level: the operator on its nodes, and for coarse levels the way back to the finer one.
-pub(super) struct Level<const B: usize> {
+pub(super) struct FieldLevel<const B: usize> {
     pub stiffness: BlockMatrix<B>,
     pub mass: BlockMatrix<B>,
     /// For each node the face at its root, in whose frame its numbers are.
@@ -84,13 +84,17 @@ pub(super) fn hierarchy<const B: usize>(
     frames: &FaceFrames,
     enough: usize,
     monitor: &dyn Monitor,
-) -> Result<Vec<Level<B>>, Cancelled> {
+) -> Result<Vec<FieldLevel<B>>, Cancelled> {
     let faces = dual.faces();
     let mass = BlockMatrix::from_rows(faces, faces, |f, entries| {
         entries.push((f as u32, scaled_identity(operator.mass[f])));
     });
-    let finest =
-        Level { stiffness: operator.stiffness.clone(), mass, roots: (0..faces as u32).collect(), interpolation: None };
+    let finest = FieldLevel {
+        stiffness: operator.stiffness.clone(),
+        mass,
+        roots: (0..faces as u32).collect(),
+        interpolation: None,
+    };
     let mut levels = vec![finest];
     let mut graph: Option<Graph> = None;
     while let Some(fine) = levels.last()
@@ -249,10 +253,10 @@ impl Aggregates {
 
 fn coarsen<const B: usize>(
     kind: FieldKind,
-    fine: &Level<B>,
+    fine: &FieldLevel<B>,
     aggregates: &Aggregates,
     monitor: &dyn Monitor,
-) -> Result<Level<B>, Cancelled> {
+) -> Result<FieldLevel<B>, Cancelled> {
     let n = fine.roots.len();
     let scales = row_scales(&fine.stiffness);
     let tentative: Vec<Block<B>> =
@@ -284,7 +288,7 @@ fn coarsen<const B: usize>(
     let stiffness = product(&fine.stiffness)?;
     let mass = product(&fine.mass)?;
     let roots = aggregates.roots.iter().map(|&r| fine.roots[r as usize]).collect();
-    Ok(Level {
+    Ok(FieldLevel {
         stiffness,
         mass,
         roots,
@@ -302,7 +306,7 @@ mod tests {
     use chladni_base::Vector3;
     use chladni_mesh::shape::{Shape, generate};
 
-    fn levels<const B: usize>(kind: FieldKind, mesh: chladni_mesh::TriangleMesh) -> Vec<Level<B>> {
+    fn levels<const B: usize>(kind: FieldKind, mesh: chladni_mesh::TriangleMesh) -> Vec<FieldLevel<B>> {
         let s = FieldSurface::new(mesh).unwrap();
         let operator =
             FieldOperator::<B>::assemble(kind, s.mesh(), s.dual(), s.frames(), FieldBoundary::Tangential).unwrap();
@@ -330,7 +334,7 @@ mod tests {
         let operator =
             FieldOperator::<2>::assemble(kind, s.mesh(), s.dual(), s.frames(), FieldBoundary::Tangential).unwrap();
         let levels = hierarchy(&operator, s.dual(), s.frames(), 60, &Unwatched).unwrap();
-        let parallel = |level: &Level<2>| -> Vec<f64> {
+        let parallel = |level: &FieldLevel<2>| -> Vec<f64> {
             level
                 .roots
                 .iter()

@@ -12,7 +12,7 @@ use chladni_base::{Monitor, SplitMix64, Unwatched};
 use super::design::DesignError;
 use super::direct::{Direct, ShiftedFactor};
 use super::refine::{FullSpace, Inner, RefineError};
-use super::refine_response::{IDLE, Sum, Whole, add, dot, product};
+use super::refine_response::{FullOperator, IDLE, Sum, add, dot, product};
 use super::weighted::WeightedModel;
 use crate::basis::FieldBasis;
 
@@ -176,7 +176,7 @@ impl Kernel {
     }
 
     /// Takes them out of a field.
-    pub fn take_out<const B: usize>(&self, whole: &Whole<B>, field: &mut [f64]) {
+    pub fn take_out<const B: usize>(&self, whole: &FullOperator<B>, field: &mut [f64]) {
         for z in &self.slots {
             let mut shares = match self.components.count() {
                 1 => vec![whole.product(z, field)],
@@ -192,7 +192,7 @@ impl Kernel {
     }
 
     /// Takes their images under the masses out of a force.
-    pub fn take_out_of_force<const B: usize>(&self, whole: &Whole<B>, force: &mut [f64]) {
+    pub fn take_out_of_force<const B: usize>(&self, whole: &FullOperator<B>, force: &mut [f64]) {
         let full = force.to_vec();
         for z in &self.slots {
             let mut image = z.clone();
@@ -214,7 +214,7 @@ impl Kernel {
     }
 
     /// The lists' fields under the masses.
-    pub fn images<const B: usize>(&self, whole: &Whole<B>) -> Vec<Vec<f64>> {
+    pub fn images<const B: usize>(&self, whole: &FullOperator<B>) -> Vec<Vec<f64>> {
         let image = |field: &Vec<f64>| {
             let mut image = field.clone();
             whole.weigh(&mut image);
@@ -302,7 +302,7 @@ impl FullSpace {
     }
 }
 
-impl<const B: usize> Whole<B> {
+impl<const B: usize> FullOperator<B> {
     fn count_idle(&self, monitor: &dyn Monitor) -> Result<Option<usize>, RefineError> {
         let Some(direct) = &self.direct else { return Ok(None) };
         let factor = direct.factor(&self.stiffness, &self.mass, 0.0).map_err(DesignError::Sparse)?;

@@ -15,7 +15,7 @@ use super::design::{Constraint, Design, DesignError};
 use super::direct::{Direct, IdleSolves, ShiftedFactor};
 use super::kernel::{Kernel, Own};
 use super::refine::{FullSpace, Inner, RefineError, Refined};
-use super::refine_response::{Response, Sum, Whole, add};
+use super::refine_response::{FullOperator, Response, Sum, add};
 use super::roots::Roots;
 use super::slack::Yield;
 use super::weighted::{System, WeightedModel};
@@ -163,7 +163,7 @@ impl FullSpace {
     }
 }
 
-impl<const B: usize> Whole<B> {
+impl<const B: usize> FullOperator<B> {
     /// The field of least energy under the constraints of a design of the same model, the strength of each measured by
     /// what all fields of the surface resist with; `None` where the sum of the energies is no such product, or where
     /// there are too many constraints or fields without energy.
@@ -271,7 +271,7 @@ impl<const B: usize> Whole<B> {
             found.unwrap_or_else(|| design.coefficients.clone())
         };
         let coefficients = design.map(nearest);
-        self.told(weighted, basis, constraints, coefficients, field, 0).map(Some)
+        self.measured(weighted, basis, constraints, coefficients, field, 0).map(Some)
     }
 
     /// The inverse of a sum as a difference, with the factors that it takes; `None` where it is none, or fields without
@@ -405,7 +405,7 @@ struct IdleHalves<'a> {
 
 impl<'a> IdleHalves<'a> {
     fn new<const B: usize>(
-        whole: &Whole<B>,
+        whole: &FullOperator<B>,
         direct: &Direct<B>,
         factor: &'a ShiftedFactor,
         kernel: Option<&'a Kernel>,

@@ -60,20 +60,20 @@ const MOST_KEPT: usize = 3;
 /// What a design has left.
 struct CachedDesign {
     /// Its soft constraints.
-    last: Vec<Held>,
+    last: Vec<SoftFace>,
     base: Arc<Base>,
 }
 
 /// A face that is held softly: the sum of the weights there.
 #[derive(Clone, Copy, PartialEq)]
-struct Held {
+struct SoftFace {
     face: u32,
     weight: f64,
 }
 
 /// The factor of `H`.
 struct Base {
-    held: Vec<Held>,
+    held: Vec<SoftFace>,
     factor: DefiniteFactor,
     /// Columns of its inverse.
     columns: Mutex<Columns>,
@@ -155,9 +155,9 @@ impl Setting<'_> {
     }
 
     /// `Σ w rᵀr` added to a matrix.
-    fn hold(&self, held: &[Held], matrix: &mut DenseMatrix) {
+    fn hold(&self, held: &[SoftFace], matrix: &mut DenseMatrix) {
         let b = self.basis.space.block();
-        for &Held { face, weight } in held {
+        for &SoftFace { face, weight } in held {
             let entries = self.row(face);
             for (j, right) in &entries {
                 let column = matrix.column_mut(*j);
@@ -180,14 +180,14 @@ impl Setting<'_> {
     }
 
     /// The factor of `H`; `None` where it is not definite, as far as rounding lets one tell.
-    fn base(&self, energy: &DenseMatrix, held: Vec<Held>) -> Result<Option<Base>, DesignError> {
+    fn base(&self, energy: &DenseMatrix, held: Vec<SoftFace>) -> Result<Option<Base>, DesignError> {
         let mut matrix = energy.clone();
         self.hold(&held, &mut matrix);
         if !self.kernel.is_empty() {
             let idle = self.idle();
             // What the constraints hold a field with.
             let form = |field: &[f64]| -> f64 {
-                let square = |held: &Held| {
+                let square = |held: &SoftFace| {
                     let mut own = [0.0; 3];
                     for (column, u) in self.row(held.face) {
                         own.iter_mut().zip(u).for_each(|(sum, u)| *sum += u * field[column]);
@@ -237,7 +237,7 @@ impl Many {
     ) -> Result<Option<Vec<f64>>, DesignError> {
         let b = setting.basis.space.block();
         let weights = self.weights(setting, constraints);
-        let (mut held, mut pulls): (Vec<Held>, Vec<f64>) = (Vec::new(), force.to_vec());
+        let (mut held, mut pulls): (Vec<SoftFace>, Vec<f64>) = (Vec::new(), force.to_vec());
         for (constraint, weight) in constraints.iter().zip(&weights) {
             let Some(weight) = *weight else { continue };
             for (column, u) in setting.row(constraint.face) {
@@ -245,13 +245,13 @@ impl Many {
             }
             match held.last_mut().filter(|last| last.face == constraint.face) {
                 Some(last) => last.weight += weight,
-                None => held.push(Held { face: constraint.face, weight }),
+                None => held.push(SoftFace { face: constraint.face, weight }),
             }
         }
         let hard: Vec<&Constraint> = constraints.iter().filter(|c| c.hold.is_exact()).collect();
         let Some(base) = self.base(setting, &held)? else { return Ok(None) };
         // What the factor does not hold yet. Its pull is among the others already, so it is held to zero here.
-        let added: Vec<Held> = held.iter().filter(|own| !base.held.contains_face(own)).copied().collect();
+        let added: Vec<SoftFace> = held.iter().filter(|own| !base.held.contains_face(own)).copied().collect();
         let faces: Vec<u32> = added.iter().map(|held| held.face).chain(hard.iter().map(|c| c.face)).collect();
         let rows: Vec<FaceRows> = faces.iter().map(|&face| setting.row(face)).collect();
         let more = More { faces, rows, added, hard, b, d: setting.model.dimension() };
@@ -299,7 +299,7 @@ impl Many {
 
     /// A factor that holds most of some constraints, and nothing else: one that is kept, or one of what has stayed
     /// since the design before.
-    fn base(&self, setting: &Setting<'_>, held: &[Held]) -> Result<Option<Arc<Base>>, DesignError> {
+    fn base(&self, setting: &Setting<'_>, held: &[SoftFace]) -> Result<Option<Arc<Base>>, DesignError> {
         let most = (MOST_ADDED * setting.model.dimension() as f64) as usize / setting.basis.space.block();
         let fits =
             |base: &Base| base.held.iter().all(|own| held.contains_face(own)) && held.len() - base.held.len() <= most;
@@ -345,7 +345,7 @@ struct More<'a> {
     faces: Vec<u32>,
     rows: Vec<FaceRows>,
     /// Soft constraints, first among the faces.
-    added: Vec<Held>,
+    added: Vec<SoftFace>,
     hard: Vec<&'a Constraint>,
     b: usize,
     d: usize,
@@ -473,11 +473,11 @@ fn along(row: &[(usize, [f64; 3])], i: usize, field: &[f64]) -> f64 {
 /// Lists of faces in ascending order.
 trait Faces {
     /// Whether a face is held with the same weight.
-    fn contains_face(&self, own: &Held) -> bool;
+    fn contains_face(&self, own: &SoftFace) -> bool;
 }
 
-impl Faces for [Held] {
-    fn contains_face(&self, own: &Held) -> bool {
+impl Faces for [SoftFace] {
+    fn contains_face(&self, own: &SoftFace) -> bool {
         self.binary_search_by_key(&own.face, |held| held.face).is_ok_and(|at| self[at] == *own)
     }
 }

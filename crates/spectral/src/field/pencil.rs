@@ -304,7 +304,7 @@ mod tests {
     }
 
     /// `K⁻¹ f` and `M̄⁻¹ S̄ K⁻¹ f` by dense factors.
-    fn densely(pencil: &Pencil, sum: &Sum<'_>, f: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    fn dense_solution(pencil: &Pencil, sum: &Sum<'_>, f: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let d = pencil.size();
         let mut curved = pencil.stiffness.to_dense();
         solve_definite(pencil.mass.to_dense(), &mut curved).unwrap();
@@ -340,7 +340,7 @@ mod tests {
                 let sum = Sum { harmonic, biharmonic, uniform, grams: Vec::new() };
                 let inverse = pencil.factor(&sum).unwrap();
                 assert_eq!(inverse.is_difference(), split);
-                let (x, y) = densely(&pencil, &sum, &f);
+                let (x, y) = dense_solution(&pencil, &sum, &f);
                 let off = |a: &[f64], b: &[f64]| {
                     let norm = |x: &mut dyn Iterator<Item = f64>| x.map(|x| x * x).sum::<f64>().sqrt();
                     norm(&mut a.iter().zip(b).map(|(a, b)| a - b)) / norm(&mut b.iter().copied())
@@ -365,7 +365,7 @@ mod tests {
                 let again = inverse.halves_of_faces(&[7], |_| unreachable!("it is kept"));
                 let mut unit = vec![0.0; d];
                 unit[7 * b] = 1.0;
-                let (moved, _) = densely(&pencil, &sum, &unit);
+                let (moved, _) = dense_solution(&pencil, &sum, &unit);
                 for (at, face) in [3, 7, 3].into_iter().enumerate() {
                     let product = again[0].product(&halves[at]);
                     assert!((0..b).all(|j| (product[j] - moved[face * b + j]).abs() < 1e-8 * moved[7 * b]));

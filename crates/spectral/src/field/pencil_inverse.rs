@@ -43,7 +43,7 @@ pub(super) struct Factored {
 pub(super) struct SparseInverse {
     first: Factored,
     second: Option<(Factored, Roots)>,
-    kept: Mutex<KeptHalves>,
+    half_solves: Mutex<HalfSolveCache>,
 }
 
 /// Half of a solve with a few right-hand sides.
@@ -62,7 +62,7 @@ pub(super) struct Half {
 
 /// Halves of solves for unit pulls by the faces that pull, with the bytes that they take.
 #[derive(Default)]
-struct KeptHalves {
+struct HalfSolveCache {
     of: HashMap<u32, Arc<FewHalves>>,
     bytes: u64,
 }
@@ -127,12 +127,12 @@ impl Factored {
 impl SparseInverse {
     /// By one factor.
     pub fn new(first: Factored) -> Self {
-        Self { first, second: None, kept: Mutex::default() }
+        Self { first, second: None, half_solves: Mutex::default() }
     }
 
     /// By the factors of `S̄ + αM̄` and `S̄ + βM̄`.
     pub fn difference(small: Factored, large: Factored, split: Roots) -> Self {
-        Self { first: small, second: Some((large, split)), kept: Mutex::default() }
+        Self { first: small, second: Some((large, split)), half_solves: Mutex::default() }
     }
 
     /// `d`.
@@ -182,11 +182,11 @@ impl SparseInverse {
     /// Those for unit pulls at faces, of which `sides` tells the rows of the space; they are kept, as most faces stay
     /// while one is dragged.
     pub fn halves_of_faces(&self, faces: &[u32], sides: impl Fn(u32) -> Sides) -> Vec<Arc<FewHalves>> {
-        let lock = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let lock = || self.half_solves.lock().unwrap_or_else(PoisonError::into_inner);
         // Taken along now: whoever else designs may clear what is kept before the others are made.
         let mut found: HashMap<u32, Arc<FewHalves>> = {
-            let kept = lock();
-            faces.iter().filter_map(|face| Some((*face, kept.of.get(face)?.clone()))).collect()
+            let cache = lock();
+            faces.iter().filter_map(|face| Some((*face, cache.of.get(face)?.clone()))).collect()
         };
         let mut wanted: Vec<u32> = faces.iter().copied().filter(|face| !found.contains_key(face)).collect();
         wanted.sort_unstable();
@@ -196,13 +196,13 @@ impl SparseInverse {
             wanted.into_iter().zip(self.few_halves(&sides).into_iter().map(Arc::new)).collect();
         found.extend(made.iter().cloned());
         let more: u64 = made.iter().map(|half| half.1.bytes()).sum();
-        let mut kept = lock();
-        if kept.bytes + more > self.bytes_of_factors() / HALVES {
-            *kept = KeptHalves::default();
+        let mut cache = lock();
+        if cache.bytes + more > self.bytes_of_factors() / HALVES {
+            *cache = HalfSolveCache::default();
         }
         if more <= self.bytes_of_factors() / HALVES {
-            kept.bytes += more;
-            kept.of.extend(made);
+            cache.bytes += more;
+            cache.of.extend(made);
         }
         faces.iter().map(|face| found[face].clone()).collect()
     }

@@ -16,7 +16,7 @@ use super::direct::{Direct, USUAL_ROOM};
 use super::hierarchy::hierarchy;
 use super::kernel::Kernel;
 use super::refine_pulls::Pulls;
-use super::refine_response::{Response, Whole, add, dot};
+use super::refine_response::{FullOperator, Response, add, dot};
 use super::surface::FieldSurface;
 use super::weighted::WeightedModel;
 use crate::basis::FieldBasis;
@@ -96,8 +96,8 @@ pub struct FullSpace {
 }
 
 pub(super) enum Inner {
-    Two(Whole<2>),
-    Three(Whole<3>),
+    Two(FullOperator<2>),
+    Three(FullOperator<3>),
 }
 
 /// The field of the whole surface that a design stands for.
@@ -149,8 +149,8 @@ impl FullSpace {
     ) -> Result<Self, RefineError> {
         monitor.stage("levels");
         let inner = match kind.block() {
-            2 => Inner::Two(Whole::new(surface, kind, boundary, room, monitor)?),
-            _ => Inner::Three(Whole::new(surface, kind, boundary, room, monitor)?),
+            2 => Inner::Two(FullOperator::new(surface, kind, boundary, room, monitor)?),
+            _ => Inner::Three(FullOperator::new(surface, kind, boundary, room, monitor)?),
         };
         Ok(Self { kind, inner })
     }
@@ -293,7 +293,7 @@ fn bytes_beside<const B: usize>(stiffness: &BlockMatrix<B>, idle: usize) -> u64 
     (entry * stiffness.entries() + (16 + 8 * B * idle) * stiffness.rows()) as u64
 }
 
-impl<const B: usize> Whole<B> {
+impl<const B: usize> FullOperator<B> {
     fn new(
         surface: &FieldSurface,
         kind: FieldKind,
@@ -344,11 +344,11 @@ impl<const B: usize> Whole<B> {
             other => other?,
         }
         let coefficients = Some(design.coefficients.clone());
-        self.told(weighted, basis, constraints, coefficients, solve.field, solve.responses)
+        self.measured(weighted, basis, constraints, coefficients, solve.field, solve.responses)
     }
 
     /// What there is to say of a field beside coefficients of the reduced space.
-    pub(super) fn told(
+    pub(super) fn measured(
         &self,
         weighted: &WeightedModel,
         basis: &FieldBasis,

@@ -11,7 +11,7 @@ use super::compliance::Compliance;
 use super::design::DesignError;
 use super::kernel::Own;
 use super::refine::RefineError;
-use super::refine_response::{Response, Whole, add};
+use super::refine_response::{FullOperator, Response, add};
 use super::weighted::{LONGEST_IDLE, longest, norm};
 
 /// Steps on the pulls at most.
@@ -164,7 +164,7 @@ impl<'a, const B: usize> Pulls<'a, B> {
     /// # Errors
     /// [`RefineError::Design`]: constraints that the reduced space cannot tell apart.
     pub fn new(
-        whole: &'a Whole<B>,
+        whole: &'a FullOperator<B>,
         response: &'a Response<'a, B>,
         compliance: Compliance,
         force: Option<Vec<f64>>,
@@ -217,7 +217,7 @@ impl<'a, const B: usize> Pulls<'a, B> {
 
     /// Learns from one coarse response what the reduced space lacks at each face, which spares steps that are computed
     /// closely.
-    fn learn(&mut self, pulls: &[f64]) -> Result<(), RefineError> {
+    fn absorb_coarse_response(&mut self, pulls: &[f64]) -> Result<(), RefineError> {
         let moved = self.respond(pulls, PROBE)?;
         let moved = at_faces::<B>(&self.compliance.faces, &moved);
         let missing = self.missing(pulls, &moved);
@@ -262,7 +262,7 @@ impl<'a, const B: usize> Pulls<'a, B> {
         let mut scaled = self.answer(&mut miss, &mut amounts)?;
         let mut size = product(&miss, &scaled);
         if self.learns && size > asked * ROUNDING * ROUNDING {
-            self.learn(&scaled)?;
+            self.absorb_coarse_response(&scaled)?;
             scaled = self.answer(&mut miss, &mut amounts)?;
             size = product(&miss, &scaled);
         }

@@ -40,7 +40,7 @@ const PIECE: usize = 1 << 14;
 const ROWS: usize = 2048;
 
 /// The operator of all fields with its levels.
-pub(super) struct Whole<const B: usize> {
+pub(super) struct FullOperator<const B: usize> {
     pub stiffness: BlockMatrix<B>,
     /// The area of each face.
     pub mass: Vec<f64>,
@@ -64,9 +64,9 @@ pub(super) struct Sum {
 
 /// `K⁻¹` without what has no energy.
 pub(super) struct Response<'a, const B: usize> {
-    whole: &'a Whole<B>,
+    whole: &'a FullOperator<B>,
     sum: Sum,
-    product: Product<'a, B>,
+    product: ShiftedProduct<'a, B>,
     /// Whether the product is `K` itself.
     exact: bool,
     /// Fields without energy.
@@ -74,7 +74,7 @@ pub(super) struct Response<'a, const B: usize> {
 }
 
 /// The product, or what is left of it without a biharmonic energy, or without any.
-enum Product<'a, const B: usize> {
+enum ShiftedProduct<'a, const B: usize> {
     Two(Factor<'a, B>, Factor<'a, B>),
     One(Factor<'a, B>),
     Mass(f64),
@@ -137,7 +137,7 @@ pub(super) fn add(a: &mut [f64], b: &[f64], factor: f64) {
     });
 }
 
-impl<const B: usize> Whole<B> {
+impl<const B: usize> FullOperator<B> {
     /// `S x`.
     pub fn stiff(&self, x: &[f64]) -> Vec<f64> {
         self.stiffness.multiply(x)
@@ -244,7 +244,7 @@ pub(super) const IDLE: f64 = 1e-7;
 
 impl<const B: usize> Factor<'_, B> {
     /// About `(S + γM)⁻¹ r`; with a factor of no other shift exactly.
-    fn once(&self, r: &[f64]) -> Vec<f64> {
+    fn apply_inverse(&self, r: &[f64]) -> Vec<f64> {
         match &self.solver {
             Solver::Cycles(cycles) => cycles.cycle(r),
             Solver::Direct(direct, factor) => direct.solve(factor, r),
@@ -259,7 +259,7 @@ impl<const B: usize> Factor<'_, B> {
     /// `(S + γM)⁻¹ f`, `f` without what `kernel` holds where γ is 0.
     fn solve(
         &self,
-        whole: &Whole<B>,
+        whole: &FullOperator<B>,
         f: &[f64],
         tolerance: f64,
         kernel: Option<&Kernel>,
@@ -267,7 +267,7 @@ impl<const B: usize> Factor<'_, B> {
     ) -> Result<Vec<f64>, RefineError> {
         if self.is_exact() {
             monitor.checkpoint()?;
-            let mut x = self.once(f);
+            let mut x = self.apply_inverse(f);
             if self.gamma == 0.0 {
                 kernel.iter().for_each(|kernel| kernel.take_out(whole, &mut x));
             }
@@ -276,7 +276,7 @@ impl<const B: usize> Factor<'_, B> {
         let kernel = if self.gamma == 0.0 { kernel } else { None };
         let apply = |x: &[f64]| if self.gamma > 0.0 { whole.shifted(self.gamma, x) } else { whole.stiff(x) };
         let precondition = |r: &[f64]| {
-            let mut z = self.once(r);
+            let mut z = self.apply_inverse(r);
             kernel.iter().for_each(|kernel| kernel.take_out(whole, &mut z));
             Ok(z)
         };
@@ -286,24 +286,24 @@ impl<const B: usize> Factor<'_, B> {
     /// About `(S + γM)⁻¹ f`, `γ > 0`: to a tolerance, or as far as it came.
     pub fn about(
         &self,
-        whole: &Whole<B>,
+        whole: &FullOperator<B>,
         f: &[f64],
         tolerance: f64,
         monitor: &dyn Monitor,
     ) -> Result<Vec<f64>, RefineError> {
         if self.is_exact() {
             monitor.checkpoint()?;
-            return Ok(self.once(f));
+            return Ok(self.apply_inverse(f));
         }
         let apply = |x: &[f64]| whole.shifted(self.gamma, x);
-        let precondition = |r: &[f64]| Ok(self.once(r));
+        let precondition = |r: &[f64]| Ok(self.apply_inverse(r));
         Ok(steps(apply, precondition, f, tolerance, monitor)?.0)
     }
 }
 
 impl<'a, const B: usize> Response<'a, B> {
     /// The inverse for a sum; `kernel` are the fields without energy that nothing in it holds.
-    pub fn new(whole: &'a Whole<B>, sum: Sum, kernel: Option<&'a Kernel>) -> Result<Self, RefineError> {
+    pub fn new(whole: &'a FullOperator<B>, sum: Sum, kernel: Option<&'a Kernel>) -> Result<Self, RefineError> {
         let mean = whole.mean_weight(&sum);
         let factor = |gamma: f64| match (&whole.direct, kernel.filter(|kernel| gamma == 0.0 && kernel.is_complete())) {
             (Some(direct), Some(kernel)) => {
@@ -321,11 +321,11 @@ impl<'a, const B: usize> Response<'a, B> {
             // Of complex roots the size: where the product is not the sum, it is at most twice as much.
             let large = if square >= 0.0 { half + square.sqrt() } else { held.sqrt() };
             let small = if large > 0.0 { held / large } else { 0.0 };
-            Product::Two(factor(small)?, factor(large)?)
+            ShiftedProduct::Two(factor(small)?, factor(large)?)
         } else if sum.harmonic > 0.0 {
-            Product::One(factor(mean / sum.harmonic)?)
+            ShiftedProduct::One(factor(mean / sum.harmonic)?)
         } else {
-            Product::Mass(mean)
+            ShiftedProduct::Mass(mean)
         };
         Ok(Self { whole, sum, product, exact, kernel })
     }
@@ -334,9 +334,9 @@ impl<'a, const B: usize> Response<'a, B> {
     /// inverse iteration finds one.
     pub fn lacks_idle_fields(&self, monitor: &dyn Monitor) -> Result<bool, RefineError> {
         let needed = match &self.product {
-            Product::Two(small, _) => small.gamma == 0.0,
-            Product::One(one) => one.gamma == 0.0,
-            Product::Mass(_) => false,
+            ShiftedProduct::Two(small, _) => small.gamma == 0.0,
+            ShiftedProduct::One(one) => one.gamma == 0.0,
+            ShiftedProduct::Mass(_) => false,
         };
         if !needed {
             return Ok(false);
@@ -378,13 +378,13 @@ impl<'a, const B: usize> Response<'a, B> {
     fn by_product(&self, f: &[f64], tolerance: f64, monitor: &dyn Monitor) -> Result<Vec<f64>, RefineError> {
         let whole = self.whole;
         let (mut x, scale) = match &self.product {
-            Product::Two(small, large) => {
+            ShiftedProduct::Two(small, large) => {
                 let mut first = small.solve(whole, f, tolerance, self.kernel, monitor)?;
                 whole.weigh(&mut first);
                 (large.solve(whole, &first, tolerance, self.kernel, monitor)?, self.sum.biharmonic)
             }
-            Product::One(one) => (one.solve(whole, f, tolerance, self.kernel, monitor)?, self.sum.harmonic),
-            Product::Mass(weight) => {
+            ShiftedProduct::One(one) => (one.solve(whole, f, tolerance, self.kernel, monitor)?, self.sum.harmonic),
+            ShiftedProduct::Mass(weight) => {
                 let mut x = f.to_vec();
                 whole.unweigh(&mut x);
                 (x, *weight)

@@ -45,7 +45,13 @@ fn spread(faces: usize, count: usize, hold: impl Fn(usize) -> Hold) -> Vec<Const
 
 impl Problem {
     /// The minimiser by a dense factor: soft constraints by their weights, those that are met exactly by elimination.
-    fn densely(&self, weights: EnergyWeights, held: &[f64], force: &[f64], compliance: &Compliance) -> Vec<f64> {
+    fn dense_minimiser(
+        &self,
+        weights: EnergyWeights,
+        held: &[f64],
+        force: &[f64],
+        compliance: &Compliance,
+    ) -> Vec<f64> {
         let n = self.masses.len();
         let b = self.basis.space.block();
         let dense = self.stiffness.to_dense();
@@ -132,7 +138,7 @@ fn refined_designs_are_those_of_a_dense_factor_of_the_whole_space() {
                 let design = weighted.solve(&p.basis, &constraints).unwrap();
                 let refined = p.full.refine(&weighted, &p.basis, &constraints, &design, 1e-9, &Unwatched).unwrap();
                 let compliance = weighted.compliance(&p.basis, &constraints).unwrap();
-                let exact = p.densely(weights, &vec![0.0; b * faces], &vec![0.0; b * faces], &compliance);
+                let exact = p.dense_minimiser(weights, &vec![0.0; b * faces], &vec![0.0; b * faces], &compliance);
                 let off = p.off(&refined.field, &exact);
                 println!("{shape:?} {kind:?} {harmonic} {biharmonic}: {off:.1e} after {} responses", refined.responses);
                 assert!(off < 1e-8, "{shape:?} {kind:?} {weights:?}: {off}");
@@ -170,7 +176,7 @@ fn refined_alignments_are_those_of_a_dense_factor_with_and_without_weights_per_f
                     (0..b * faces).map(|i| weight * areas[i / b] * per_face.map_or(1.0, |own| own[i / b])).collect();
                 let force: Vec<f64> = held.iter().zip(&target).map(|(h, t)| h * t).collect();
                 let compliance = weighted.compliance(&p.basis, &constraints).unwrap();
-                let off = p.off(&refined.field, &p.densely(weights, &held, &force, &compliance));
+                let off = p.off(&refined.field, &p.dense_minimiser(weights, &held, &force, &compliance));
                 assert!(off < 1e-8, "{kind:?} {weights:?} per face {}: {off}", per_face.is_some());
             }
         }

@@ -4,7 +4,7 @@
 use chladni_algebra::{BlockMatrix, inverse_positive, vectorized};
 use chladni_base::parallel::*;
 
-use super::hierarchy::{Level, norm, row_scales};
+use super::hierarchy::{FieldLevel, norm, row_scales};
 use super::space::Column;
 
 /// Iterations of a heat step at most; where they do not suffice the column is as smooth as they made it.
@@ -105,7 +105,7 @@ struct HeatStep<const B: usize> {
 }
 
 impl<const B: usize> HeatStep<B> {
-    fn new(level: &Level<B>, time: f64) -> Self {
+    fn new(level: &FieldLevel<B>, time: f64) -> Self {
         // The pattern of the mass lies within that of the stiffness.
         let mut owner = vec![0u32; level.stiffness.entries()];
         for row in 0..level.stiffness.rows() {
@@ -208,7 +208,7 @@ pub(super) struct Smoother<const B: usize> {
 }
 
 impl<const B: usize> Smoother<B> {
-    pub fn new(level: &Level<B>, degree: usize, least: f64, time: f64) -> Self {
+    pub fn new(level: &FieldLevel<B>, degree: usize, least: f64, time: f64) -> Self {
         let masses = level.mass.diagonal();
         // Where faces are large there is nothing to smooth: no step may take longer than a part of the heat steps.
         let slowest = 0.1 * time;
@@ -306,7 +306,7 @@ fn conjugate_gradients<const B: usize, C>(
 
 /// Heat steps on the faces, by conjugate gradients with multigrid cycles as preconditioner.
 pub(super) struct Heat<'a, const B: usize> {
-    levels: &'a [Level<B>],
+    levels: &'a [FieldLevel<B>],
     steps: Vec<CycleLevel<B>>,
     coarsest: HeatStep<B>,
     mass: Vec<f32>,
@@ -332,7 +332,7 @@ pub(super) struct Scratch<const B: usize> {
 
 impl<'a, const B: usize> Heat<'a, B> {
     /// Steps of some length on the finest of one level or more.
-    pub fn new(levels: &'a [Level<B>], time: f64) -> Self {
+    pub fn new(levels: &'a [FieldLevel<B>], time: f64) -> Self {
         let steps = levels
             .windows(2)
             .filter_map(|pair| {

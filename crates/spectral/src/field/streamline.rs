@@ -138,7 +138,7 @@ pub fn streamlines(
 
 /// A point of the surface.
 #[derive(Debug, Clone, Copy)]
-struct Place {
+struct SurfacePoint {
     face: u32,
     /// Weights of its corners.
     at: [f64; 3],
@@ -147,7 +147,7 @@ struct Place {
 /// Where a line may begin, and in which direction of the field there.
 #[derive(Debug, Clone, Copy)]
 struct Seed {
-    place: Place,
+    place: SurfacePoint,
     along: Complex64,
 }
 
@@ -166,7 +166,7 @@ struct Hatching<'a> {
 /// One way from a seed.
 #[derive(Default)]
 struct Half {
-    places: Vec<Place>,
+    places: Vec<SurfacePoint>,
     length: f64,
 }
 
@@ -189,7 +189,7 @@ impl Hatching<'_> {
                 if next_face == faces {
                     break;
                 }
-                let place = Place { face: next_face as u32, at: [1.0 / 3.0; 3] };
+                let place = SurfacePoint { face: next_face as u32, at: [1.0 / 3.0; 3] };
                 seeds.extend(self.families(place, ONE));
                 next_face += 1;
                 continue;
@@ -202,7 +202,7 @@ impl Hatching<'_> {
             if self.is_near(&seed.place, seed.along, apart, None) {
                 continue;
             }
-            if let Some(line) = self.lay(&seed, parameters.least_length * self.spacing, monitor)? {
+            if let Some(line) = self.trace_line(&seed, parameters.least_length * self.spacing, monitor)? {
                 seeds.extend(self.seeds_around(&line));
             }
         }
@@ -216,12 +216,12 @@ impl Hatching<'_> {
     }
 
     /// A place in space, in units of the square root of the area.
-    fn point(&self, place: &Place) -> [f64; 3] {
+    fn point(&self, place: &SurfacePoint) -> [f64; 3] {
         let scale = 1.0 / self.surface.frames().area().sqrt();
         (Vector3(self.position(place)) * scale).into()
     }
 
-    fn position(&self, place: &Place) -> [f64; 3] {
+    fn position(&self, place: &SurfacePoint) -> [f64; 3] {
         let mesh = self.surface.mesh();
         let face = mesh.faces[place.face as usize];
         let [p, q, r] = mesh.corners(&face);
@@ -245,7 +245,7 @@ impl Hatching<'_> {
     }
 
     /// Goes straight from a place in a face: the weights where its edge is reached, the edge, and how far that is.
-    fn exit(&self, place: &Place, direction: Complex64) -> Option<(usize, [f64; 3], f64)> {
+    fn exit(&self, place: &SurfacePoint, direction: Complex64) -> Option<(usize, [f64; 3], f64)> {
         let c = self.corners(place.face);
         let p: Complex64 = (0..3).map(|k| place.at[k] * c[k]).sum();
         let mut best: Option<(usize, [f64; 3], f64)> = None;
@@ -272,7 +272,13 @@ impl Hatching<'_> {
     }
 
     /// The same place and direction seen from the face across edge `k`, and whether that has the opposite orientation.
-    fn cross(&self, face: u32, k: usize, at: [f64; 3], direction: Complex64) -> Option<(Place, Complex64, bool)> {
+    fn cross(
+        &self,
+        face: u32,
+        k: usize,
+        at: [f64; 3],
+        direction: Complex64,
+    ) -> Option<(SurfacePoint, Complex64, bool)> {
         let dual = self.surface.dual();
         let next = dual.neighbours(face as usize)[k];
         if next == NO_FACE {
@@ -283,13 +289,13 @@ impl Hatching<'_> {
         let turn = self.surface.frames().carry(dual, next as usize, j)?;
         let (from, to) = if turn.mirrored { (1, 2) } else { (2, 1) };
         (there[(j + 1) % 3], there[(j + 2) % 3]) = (at[(k + from) % 3], at[(k + to) % 3]);
-        Some((Place { face: next, at: there }, turn.of(direction), turn.mirrored))
+        Some((SurfacePoint { face: next, at: there }, turn.of(direction), turn.mirrored))
     }
 
     /// Follows the field, or with a sign of −1 goes against it, until it ends, comes near a line, or returns.
     fn follow(
         &self,
-        seed: &Place,
+        seed: &SurfacePoint,
         start: Complex64,
         line: u32,
         own: &mut Samples,
@@ -310,7 +316,7 @@ impl Hatching<'_> {
                 sampled += step;
                 idle = 0;
                 let s = ((sampled - half.length) / distance).clamp(0.0, 1.0);
-                let place = Place { face: here.face, at: between(here.at, at, s) };
+                let place = SurfacePoint { face: here.face, at: between(here.at, at, s) };
                 let own_place = Some((line, sign * sampled));
                 stopped = self.near_in(own, &place, direction, TEST_SHARE * self.spacing, own_place)
                     || self.is_near(&place, direction, TEST_SHARE * self.spacing, None);
@@ -326,7 +332,7 @@ impl Hatching<'_> {
             if stopped {
                 break;
             }
-            half.places.push(Place { face: here.face, at });
+            half.places.push(SurfacePoint { face: here.face, at });
             half.length = end;
             let Some((place, carried, _)) = self.cross(here.face, k, at, direction) else { break };
             let Some(next) = self.direction(place.face, carried, sign) else { break };
@@ -340,7 +346,7 @@ impl Hatching<'_> {
     }
 
     /// Lays the line through a seed; `None` where it is too short.
-    fn lay(
+    fn trace_line(
         &mut self,
         &Seed { place: seed, along: start }: &Seed,
         least: f64,
@@ -375,7 +381,7 @@ impl Hatching<'_> {
     }
 
     /// A seed at a place for each kind of lines, the one nearest to a direction first.
-    fn families(&self, place: Place, towards: Complex64) -> impl Iterator<Item = Seed> + use<> {
+    fn families(&self, place: SurfacePoint, towards: Complex64) -> impl Iterator<Item = Seed> + use<> {
         let first = self.direction(place.face, towards, 1.0);
         let (turn, kinds) = (std::f64::consts::TAU / f64::from(self.n), self.kinds());
         first.into_iter().flat_map(move |first| {
@@ -421,7 +427,7 @@ impl Hatching<'_> {
     }
 
     /// The weights of a point in the plane of a face.
-    fn place_of(&self, face: u32, position: Vector3) -> Option<Place> {
+    fn place_of(&self, face: u32, position: Vector3) -> Option<SurfacePoint> {
         let frames = self.surface.frames();
         let scale = 1.0 / frames.area().sqrt();
         let origin = self.surface.mesh().point(self.surface.mesh().faces[face as usize][0]);
@@ -431,19 +437,19 @@ impl Hatching<'_> {
         let (v, w) = (outer(p, c) / whole, outer(b, p) / whole);
         let at = [1.0 - v - w, v, w].map(|x: f64| x.clamp(0.0, 1.0));
         let sum: f64 = at.iter().sum();
-        (sum > 0.5 && sum.is_finite()).then(|| Place { face, at: at.map(|x| x / sum) })
+        (sum > 0.5 && sum.is_finite()).then(|| SurfacePoint { face, at: at.map(|x| x / sum) })
     }
 
     /// Straight ahead for a distance, the direction there, and whether left and right have changed; `None` at a
     /// boundary.
-    fn walk(&self, from: Place, direction: Complex64, distance: f64) -> Option<(Place, Complex64, bool)> {
+    fn walk(&self, from: SurfacePoint, direction: Complex64, distance: f64) -> Option<(SurfacePoint, Complex64, bool)> {
         let (mut here, mut direction, mut rest, mut turned) = (from, direction, distance, false);
         for _ in 0..10_000 {
             let (k, at, reach) = self.exit(&here, direction)?;
             if reach >= rest {
                 let s = if reach > 0.0 { rest / reach } else { 0.0 };
                 let at = between(here.at, at, s);
-                return Some((Place { face: here.face, at }, direction, turned));
+                return Some((SurfacePoint { face: here.face, at }, direction, turned));
             }
             rest -= reach;
             let (next, along, mirrored) = self.cross(here.face, k, at, direction)?;
@@ -452,13 +458,13 @@ impl Hatching<'_> {
         None
     }
 
-    fn sample(&self, place: &Place, direction: Complex64, (line, along): (u32, f64)) -> Sample {
+    fn sample(&self, place: &SurfacePoint, direction: Complex64, (line, along): (u32, f64)) -> Sample {
         let (frames, face) = (self.surface.frames(), place.face as usize);
         let (normal, direction) = (frames.normal(face), frames.to_world(face, direction));
         Sample { point: self.point(place), normal: normal.into(), direction: direction.into(), line, along }
     }
 
-    fn is_near(&self, place: &Place, direction: Complex64, distance: f64, own: Option<(u32, f64)>) -> bool {
+    fn is_near(&self, place: &SurfacePoint, direction: Complex64, distance: f64, own: Option<(u32, f64)>) -> bool {
         self.near_in(&self.samples, place, direction, distance, own)
     }
 
@@ -467,7 +473,7 @@ impl Hatching<'_> {
     fn near_in(
         &self,
         samples: &Samples,
-        place: &Place,
+        place: &SurfacePoint,
         direction: Complex64,
         distance: f64,
         own: Option<(u32, f64)>,

@@ -25,7 +25,7 @@ pub(super) use multipliers::{LONGEST_IDLE, System, longest, norm};
 
 /// Ritz values below this share of the largest count as zero, or below so much on unit area: a space that has fields
 /// without energy alone has no other values than what rounding leaves of these.
-const KERNEL: f64 = 1e-10;
+const KERNEL_SHARE: f64 = 1e-10;
 const LEAST: f64 = 1e-7;
 
 /// Spaces with more fields without energy, as those of many components, take all constraints into one system, however
@@ -170,7 +170,7 @@ impl DesignModel {
 
     /// Ritz values up to this one count as zero.
     fn least_value(&self) -> f64 {
-        (KERNEL * self.values().last().copied().unwrap_or(0.0)).max(LEAST)
+        (KERNEL_SHARE * self.values().last().copied().unwrap_or(0.0)).max(LEAST)
     }
 
     /// `K⁻¹` in Ritz coordinates, and those that have no energy.
@@ -304,7 +304,7 @@ impl WeightedModel {
                     at = range.end;
                     if !range.clone().all(|c| near(&rows, &conditions[c], b * c..b * (c + 1), &found.field)) {
                         met = false;
-                        conditions[range].iter_mut().for_each(Condition::harden);
+                        conditions[range].iter_mut().for_each(Condition::stiffen);
                     }
                 }
                 if met {

@@ -40,13 +40,13 @@ pub fn dense_head(basis: &Basis) -> Result<Vec<u8>, FormatError> {
     file.take_all(&common(basis, &mass_offsets));
     // An odd number of four-byte indices would put numbers of eight bytes askew.
     if !file.data.len().is_multiple_of(8) {
-        file.take("padding", "U8", &[4], &[0; 4]);
+        file.append("padding", "U8", &[4], &[0; 4]);
     }
     let dtype = match dense.precision() {
         Precision::F32 => Dtype::F32,
         Precision::F64 => Dtype::F64,
     };
-    file.place("functions", dtype.name(), &[dense.columns(), dense.rows()], dense.bytes());
+    file.declare("functions", dtype.name(), &[dense.columns(), dense.rows()], dense.bytes());
     Ok(file.into_bytes())
 }
 
@@ -97,15 +97,15 @@ impl File {
     }
 
     /// Names a tensor whose bytes come next.
-    fn place(&mut self, name: &str, dtype: &str, shape: &[usize], bytes: u64) {
+    fn declare(&mut self, name: &str, dtype: &str, shape: &[usize], bytes: u64) {
         let end = self.end + bytes;
         let entry = serde_json::json!({"dtype": dtype, "shape": shape, "data_offsets": [self.end, end]});
         self.header.insert(name.to_owned(), entry);
         self.end = end;
     }
 
-    fn take(&mut self, name: &str, dtype: &str, shape: &[usize], bytes: &[u8]) {
-        self.place(name, dtype, shape, bytes.len() as u64);
+    fn append(&mut self, name: &str, dtype: &str, shape: &[usize], bytes: &[u8]) {
+        self.declare(name, dtype, shape, bytes.len() as u64);
         self.data.extend_from_slice(bytes);
     }
 
@@ -114,7 +114,7 @@ impl File {
         self.data.reserve_exact(tensors.iter().map(|(.., bytes)| bytes.len()).sum());
         for wide in [true, false] {
             for (name, dtype, shape, bytes) in tensors.iter().filter(|(_, dtype, ..)| (dtype.bytes() == 8) == wide) {
-                self.take(name, dtype.name(), shape, bytes);
+                self.append(name, dtype.name(), shape, bytes);
             }
         }
     }

@@ -11,9 +11,11 @@ use chladni_mesh::points::COVERS;
 
 use super::curvature::Surface;
 use super::laplace::{Measured, Quality};
-use super::manifold::Topology;
+use super::manifold::ManifoldCheck;
 use super::polygon::Refined;
-use super::{Asked, Boundary, EigenProblem, Laplacian, MeshOperator, OperatorError, OperatorKind, OperatorParameters};
+use super::{
+    Boundary, EigenProblem, Laplacian, MeshOperator, OperatorError, OperatorKind, OperatorParameters, OperatorRequest,
+};
 use super::{OperatorReport, Potential, Reason};
 use super::{boundary, extrinsic, graph, hamiltonian, laplace, robust, weighted};
 
@@ -40,8 +42,8 @@ pub(super) fn assemble_on(
     }
     let measured = laplace::measure(mesh)?;
     let topology = match triangles {
-        Triangles::Surface => Topology::new(mesh.positions.len(), &mesh.faces, &measured.corners),
-        Triangles::Local => Topology::default(),
+        Triangles::Surface => ManifoldCheck::new(mesh.positions.len(), &mesh.faces, &measured.corners),
+        Triangles::Local => ManifoldCheck::default(),
     };
     monitor.checkpoint()?;
     let refined = match triangles {
@@ -83,7 +85,7 @@ pub(super) fn assemble_on(
         }
         _ => 0.0,
     };
-    let asked = Some(Asked::from(parameters));
+    let asked = Some(OperatorRequest::from(parameters));
     let held = held(parameters, if dirichlet { &topology.boundary } else { &[] });
     if held.is_empty() {
         return Ok(match whole {
@@ -265,7 +267,7 @@ pub(super) fn choose(
     wanted: &OperatorKind,
     quality: Quality,
     polygons: bool,
-    topology: &Topology,
+    topology: &ManifoldCheck,
 ) -> (Laplacian, Reason) {
     match wanted {
         OperatorKind::Polygon if polygons => (Laplacian::Polygon, Reason::Requested),

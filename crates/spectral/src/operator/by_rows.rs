@@ -9,9 +9,9 @@ use chladni_base::parallel::*;
 use super::assembly::{check, choose, refined};
 use super::corners::Corners;
 use super::laplace::{Quality, power_of_two_scale, shape_of, sums};
-use super::manifold::Topology;
+use super::manifold::ManifoldCheck;
 use super::shapes::{self, MASSLESS, Triangles, voronoi_part};
-use super::{Asked, Boundary, EigenProblem, Laplacian, MassKind, MassMatrix, MeshOperator};
+use super::{Boundary, EigenProblem, Laplacian, MassKind, MassMatrix, MeshOperator, OperatorRequest};
 use super::{OperatorError, OperatorKind, OperatorParameters, OperatorReport};
 use chladni_algebra::SparseMatrix;
 use chladni_base::Monitor;
@@ -28,7 +28,7 @@ pub struct LaplacianByRows<'a> {
     scaled_area: f64,
     masses: Vec<f64>,
     report: OperatorReport,
-    asked: Asked,
+    asked: OperatorRequest,
 }
 
 impl<'a> LaplacianByRows<'a> {
@@ -57,7 +57,7 @@ impl<'a> LaplacianByRows<'a> {
             return Err(OperatorError::NoArea);
         }
         monitor.checkpoint()?;
-        let topology = Topology::new(mesh.positions.len(), &mesh.faces, &corners);
+        let topology = ManifoldCheck::new(mesh.positions.len(), &mesh.faces, &corners);
         drop(corners);
         monitor.checkpoint()?;
         let polygons = refined(&parameters.operator, mesh)?.is_some();

@@ -249,12 +249,12 @@ pub struct MeshOperator {
     /// What was chosen, and why.
     pub report: OperatorReport,
     /// What was asked for; `None` where it was made of something else than a mesh.
-    pub asked: Option<Asked>,
+    pub asked: Option<OperatorRequest>,
 }
 
 /// What was asked for, as a basis carries it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Asked {
+pub struct OperatorRequest {
     /// The operator, but for values of a potential and weights of faces, which may be more than everything else.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub operator: Option<OperatorKind>,
@@ -264,7 +264,7 @@ pub struct Asked {
     pub boundary: Boundary,
 }
 
-impl From<&OperatorParameters> for Asked {
+impl From<&OperatorParameters> for OperatorRequest {
     fn from(parameters: &OperatorParameters) -> Self {
         let operator = match &parameters.operator {
             OperatorKind::Hamiltonian { potential: Potential::Values(_) } | OperatorKind::Weighted(_) => None,
@@ -288,7 +288,7 @@ impl MeshOperator {
         whole: EigenProblem,
         boundary: Option<&[u32]>,
         mut report: OperatorReport,
-        asked: Option<Asked>,
+        asked: Option<OperatorRequest>,
     ) -> Result<Self, OperatorError> {
         let Some(boundary) = boundary.filter(|boundary| !boundary.is_empty()) else {
             return Ok(Self { problem: whole, base: None, floor: 0.0, report, asked });

@@ -15,7 +15,7 @@ use chladni_mesh::connectivity::Connectivity;
 
 use super::choice::{Laplacian, OperatorParameters, OperatorReport, Reason};
 use super::corners::Corners;
-use super::{Asked, Boundary, EigenProblem, MassKind, MassMatrix, MeshOperator, OperatorError};
+use super::{Boundary, EigenProblem, MassKind, MassMatrix, MeshOperator, OperatorError, OperatorRequest};
 
 /// Assembles the operator. Positions are not looked at.
 ///
@@ -47,7 +47,7 @@ pub(super) fn assemble(mesh: &TriangleMesh, parameters: &OperatorParameters) -> 
         unknowns: None,
     };
     let report = OperatorReport { laplacian: Laplacian::Graph, reason: Reason::Requested, ..OperatorReport::default() };
-    let asked = Asked::from(parameters);
+    let asked = OperatorRequest::from(parameters);
     MeshOperator::of_problem(problem, None, report, Some(asked))
 }
 

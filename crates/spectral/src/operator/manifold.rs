@@ -9,7 +9,7 @@ const VERTICES_PER_TASK: usize = 8192;
 
 /// What is not a manifold, and the boundary.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(super) struct Topology {
+pub(super) struct ManifoldCheck {
     /// Edges with three or more faces.
     pub non_manifold_edges: usize,
     /// Vertices whose faces form several fans, though none of their edges has three or more faces.
@@ -18,7 +18,7 @@ pub(super) struct Topology {
     pub boundary: Vec<u32>,
 }
 
-impl Topology {
+impl ManifoldCheck {
     /// Looks at the link of every vertex. Faces that repeat a vertex are left out: they are no part of a surface.
     pub fn new(vertices: usize, faces: &[[u32; 3]], corners: &Corners) -> Self {
         let parts: Vec<Self> = (0..vertices.div_ceil(VERTICES_PER_TASK))
@@ -111,7 +111,7 @@ impl Link {
         member
     }
 
-    fn judge(&mut self, vertex: u32, found: &mut Topology) {
+    fn judge(&mut self, vertex: u32, found: &mut ManifoldCheck) {
         let mut fans = self.neighbours.len();
         for e in 0..self.edges.len() {
             let place = |v| self.neighbours.binary_search(&v).unwrap_or(0) as u32;
@@ -142,18 +142,18 @@ mod tests {
     use super::*;
     use chladni_mesh::fixtures::{grid, sphere};
 
-    fn topology(vertices: usize, faces: &[[u32; 3]]) -> Topology {
-        Topology::new(vertices, faces, &Corners::new(vertices, faces).unwrap())
+    fn topology(vertices: usize, faces: &[[u32; 3]]) -> ManifoldCheck {
+        ManifoldCheck::new(vertices, faces, &Corners::new(vertices, faces).unwrap())
     }
 
     #[test]
     fn a_sphere_is_a_manifold_without_boundary() {
         let mesh = sphere(20);
-        assert_eq!(topology(mesh.positions.len(), &mesh.faces), Topology::default());
+        assert_eq!(topology(mesh.positions.len(), &mesh.faces), ManifoldCheck::default());
         // Orientation does not matter.
         let mut turned = mesh.faces;
         turned.iter_mut().step_by(3).for_each(|face| face.swap(0, 2));
-        assert_eq!(topology(mesh.positions.len(), &turned), Topology::default());
+        assert_eq!(topology(mesh.positions.len(), &turned), ManifoldCheck::default());
     }
 
     #[test]
@@ -178,9 +178,9 @@ mod tests {
     #[test]
     fn repeated_vertices_duplicates_and_lone_vertices_are_judged_as_they_are() {
         let found = topology(8, &[[0, 1, 2], [0, 0, 5], [6, 6, 6]]);
-        assert_eq!(found, Topology { boundary: vec![0, 1, 2], ..Topology::default() });
+        assert_eq!(found, ManifoldCheck { boundary: vec![0, 1, 2], ..ManifoldCheck::default() });
         // A pillow: closed.
-        assert_eq!(topology(3, &[[0, 1, 2], [0, 2, 1]]), Topology::default());
+        assert_eq!(topology(3, &[[0, 1, 2], [0, 2, 1]]), ManifoldCheck::default());
         assert_eq!(topology(3, &[[0, 1, 2], [0, 1, 2], [0, 1, 2]]).non_manifold_edges, 3);
     }
 }

@@ -34,8 +34,8 @@ pub use by_rows::LaplacianByRows;
 pub(crate) use by_rows::spread_rows;
 pub use chladni_algebra::MassMatrix;
 pub use choice::{
-    Asked, Boundary, Laplacian, MeshOperator, OperatorKind, OperatorParameters, OperatorReport, Potential, Reason,
-    assemble,
+    Boundary, Laplacian, MeshOperator, OperatorKind, OperatorParameters, OperatorReport, OperatorRequest, Potential,
+    Reason, assemble,
 };
 pub use family::FamilyOperators;
 

@@ -76,8 +76,8 @@ impl Refined {
         self.polygons.len()
     }
 
-    /// How many faces there are, and how many of them are bad. A polygon is thin where it is so from its middle to every
-    /// edge: where only some edges point at the middle, as in a concave one, it is as good as others.
+    /// How many faces there are, and how many of them are bad. A polygon is thin where it is so from its middle to
+    /// every edge: where only some edges point at the middle, as in a concave one, it is as good as others.
     pub fn quality(&self) -> Quality {
         let thin = |face: usize| laplace::is_thin(&self.measured.shapes[face]);
         let mut quality = Quality { faces: 0, thin: 0, needles: self.measured.needles };

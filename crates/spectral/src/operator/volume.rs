@@ -17,7 +17,7 @@ use chladni_mesh::solid::surface;
 
 use super::choice::{Laplacian, OperatorReport, Reason};
 use super::laplace::{MASSLESS, power_of_two_scale};
-use super::{Asked, Boundary, EigenProblem, MassKind, MassMatrix, MeshOperator, OperatorError, OperatorKind};
+use super::{Boundary, EigenProblem, MassKind, MassMatrix, MeshOperator, OperatorError, OperatorKind, OperatorRequest};
 
 /// A tetrahedron whose volume is at most this share of that of a cube over its longest edge is flat.
 const FLAT: f64 = 1e-9;
@@ -60,7 +60,7 @@ pub fn assemble(
         ..OperatorReport::default()
     };
     let outside = (boundary == Boundary::Dirichlet).then(|| outside(solid));
-    let asked = Asked { operator: Some(OperatorKind::Volume), mass, boundary };
+    let asked = OperatorRequest { operator: Some(OperatorKind::Volume), mass, boundary };
     MeshOperator::of_problem(problem, outside.as_deref(), report, Some(asked))
 }
 

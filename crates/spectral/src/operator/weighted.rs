@@ -275,7 +275,7 @@ mod tests {
             (Parts { scalars: vec![1.0; f], tensors: vec![1.0; 3 * f], fixed: vec![] }, "scalars"),
             (Parts { scalars, ..Parts::default() }, "face 5"),
             (Parts { scalars: vec![f64::NAN; f], ..Parts::default() }, "face 0"),
-            (Parts { scalars: vec![1.0; f - 1], ..Parts::default() }, "97 numbers"),
+            (Parts { scalars: vec![1.0; f - 1], ..Parts::default() }, "98 numbers, got 97"),
             (Parts { tensors, ..Parts::default() }, "face 7"),
             (Parts { tensors: vec![1.0; 4], ..Parts::default() }, "three numbers for each"),
             (Parts { fixed: vec![3, 64], ..Parts::default() }, "vertex 64"),

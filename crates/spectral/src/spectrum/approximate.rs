@@ -148,7 +148,7 @@ pub fn approximate<'a>(
 }
 
 /// A space that was made as fine as the goal asks for, or as the mesh allows, and its pairs, judged.
-pub(super) struct Found<'a> {
+pub(super) struct JudgedSpace<'a> {
     attempt: Attempt,
     /// What pairs are measured with, where they were measured in one piece.
     energy: Option<Energy<'a>>,
@@ -158,7 +158,7 @@ pub(super) struct Found<'a> {
     rounds: usize,
 }
 
-impl Found<'_> {
+impl JudgedSpace<'_> {
     /// The pairs, guards included, and their estimated errors, on unit size.
     pub(super) fn into_pairs(self, problem: &EigenProblem) -> (Ritz, Vec<f64>) {
         let Attempt { ritz, certificate, .. } = self.attempt;
@@ -203,7 +203,7 @@ pub(super) fn search<'a>(
     mut parameters: ApproximationParameters,
     guards: usize,
     monitor: &dyn Monitor,
-) -> Result<Found<'a>, ApproximationError> {
+) -> Result<JudgedSpace<'a>, ApproximationError> {
     let problem = &operator.problem;
     let (count, goal) = (parameters.count, parameters.goal.map(|goal| goal.error));
     let (kernel, columns) = pairs_with_guards(problem, &parameters, guards);
@@ -259,7 +259,7 @@ pub(super) fn search<'a>(
         }
     }
     attempt.possible((-operator.floor).max(0.0), problem.area)?;
-    Ok(Found { attempt, energy, built, rounds })
+    Ok(JudgedSpace { attempt, energy, built, rounds })
 }
 
 /// From so many unknowns on pairs are measured in parts of the surface, one after the other: what a panel and its
@@ -331,7 +331,7 @@ fn on_unit_size(
     let parameters = parameters.fitted(problem.size());
     let found = search(domain, operator, parameters, 0, monitor)?;
     let accuracy = parameters.goal.map(|goal| found.report(domain, goal.error));
-    let Found { attempt, energy, .. } = found;
+    let JudgedSpace { attempt, energy, .. } = found;
     let enclosed = match &energy {
         Some(energy) if parameters.certify => Some(attempt.enclose(energy, problem, monitor)?),
         _ => None,

@@ -47,7 +47,7 @@ stopped!(CertificateError: MultigridError => |error: MultigridError| Self::Hiera
 
 /// Up to this Ritz value (unit area) a pair counts as one of the kernel, whose relative residual (4.6) would compare
 /// rounding errors.
-pub const KERNEL: f64 = 1e-6;
+pub const LARGEST_KERNEL_VALUE: f64 = 1e-6;
 
 /// Certifies `m` Ritz pairs and turns each so that its lifted vector's entry of largest magnitude is positive.
 ///
@@ -90,7 +90,7 @@ pub fn certify(
             size: problem.stiffness.rows(),
         });
     }
-    let (measures, density) = energy.measure(space, coefficients, ritz, KERNEL, goal, monitor)?;
+    let (measures, density) = energy.measure(space, coefficients, ritz, LARGEST_KERNEL_VALUE, goal, monitor)?;
     monitor.checkpoint()?;
     let defect = gram_defect(reduced_mass, coefficients);
     let certificate =
@@ -108,7 +108,7 @@ pub(super) fn certificate_of(
 ) -> Certificate {
     let mut certificate = Certificate::default();
     for (k, (measure, &theta)) in measures.iter().zip(ritz).enumerate() {
-        certificate.residuals.push(if theta.abs() <= KERNEL {
+        certificate.residuals.push(if theta.abs() <= LARGEST_KERNEL_VALUE {
             ratio(measure.sums.stiffness.sqrt(), stiffness_norm * measure.sums.square.sqrt())
         } else {
             ratio(measure.sums.residual.sqrt(), measure.sums.stiffness.sqrt())

@@ -118,8 +118,9 @@ fn residuals_are_those_of_the_definition_and_their_norms_are_enclosed() {
         let original = case.coefficients.clone();
         let certificate = case.certify();
         let energy = Energy::new(&case.problem, 0.0, &Unwatched).unwrap();
-        let (measures, _) =
-            energy.measure(&mut case.space, &case.coefficients, &case.ritz, KERNEL, None, &Unwatched).unwrap();
+        let (measures, _) = energy
+            .measure(&mut case.space, &case.coefficients, &case.ritz, LARGEST_KERNEL_VALUE, None, &Unwatched)
+            .unwrap();
         for (k, x) in lifted(&case).iter().enumerate() {
             let largest = x.iter().fold(0.0f64, |m, v| if v.abs() > m.abs() { *v } else { m });
             assert!(largest > 0.0);
@@ -167,9 +168,10 @@ fn a_graphics_card_measures_what_the_cpu_measures() {
     for (kind, floor) in [(MassKind::Barycentric, 0.0), (MassKind::Consistent, -3.0)] {
         let mut case = case(20, 60, 41, kind);
         let energy = Energy::new(&case.problem, floor, &Unwatched).unwrap();
-        let (expected, density) =
-            energy.measure(&mut case.space, &case.coefficients, &case.ritz, KERNEL, Some(1e-3), &Unwatched).unwrap();
-        let limits = KernelAndGoal { kernel: KERNEL, goal: Some(1e-3) };
+        let (expected, density) = energy
+            .measure(&mut case.space, &case.coefficients, &case.ritz, LARGEST_KERNEL_VALUE, Some(1e-3), &Unwatched)
+            .unwrap();
+        let limits = KernelAndGoal { kernel: LARGEST_KERNEL_VALUE, goal: Some(1e-3) };
         let space = energy.in_order(&case.space);
         let (found, found_density) = energy
             .measure_on_device(&accelerator, &space, &case.coefficients, &case.ritz, limits, &Unwatched)
@@ -220,9 +222,10 @@ fn a_graphics_card_encloses_pairs_as_closely_as_the_cpu_by_the_same_trees() {
         let mut ritz = ritz(Domain::from(&mesh), &operator, &mut wanted, 40, &Unwatched).unwrap();
         let (problem, pairs) = (&operator.problem, &ritz.pairs);
         let energy = Energy::on(Some((&mesh).into()), problem, 0.0, &Unwatched).unwrap();
-        let (expected, _) =
-            energy.measure(&mut ritz.space, &pairs.vectors, &pairs.values, KERNEL, None, &Unwatched).unwrap();
-        let limits = KernelAndGoal { kernel: KERNEL, goal: None };
+        let (expected, _) = energy
+            .measure(&mut ritz.space, &pairs.vectors, &pairs.values, LARGEST_KERNEL_VALUE, None, &Unwatched)
+            .unwrap();
+        let limits = KernelAndGoal { kernel: LARGEST_KERNEL_VALUE, goal: None };
         let space = energy.in_order(&ritz.space);
         let (found, _) = energy
             .measure_on_device(&accelerator, &space, &pairs.vectors, &pairs.values, limits, &Unwatched)

@@ -255,16 +255,16 @@ impl<'a> Energy<'a> {
     ) -> Vec<Measure> {
         let sigma = self.sigma(ritz, limits);
         let (enclosed, mut kept) = self.enclosed(workspace, half, ritz, residuals, sigma);
-        let conclude = |k: usize| self.conclude(&residuals.pairs[k], &enclosed.of(k), ritz[k], sigma);
-        let measures: Vec<Measure> = (0..ritz.len()).map(conclude).collect();
+        let measure_of = |k: usize| self.measure_of(&residuals.pairs[k], &enclosed.of(k), ritz[k], sigma);
+        let measures: Vec<Measure> = (0..ritz.len()).map(measure_of).collect();
         let mut weights = [0.0; CYCLE_WIDTH];
         for ((weight, measure), theta) in weights.iter_mut().zip(&measures).zip(ritz) {
             *weight = self.weight(measure, *theta, limits);
         }
         if weights.iter().any(|&w| w > 0.0) {
             // Those of higher pairs will be wanted too.
-            workspace.keep = workspace.keep.max(Kept::Answer);
-            self.keep(workspace, half, sigma, &mut kept, Kept::Answer);
+            workspace.keep = workspace.keep.max(CycleOutput::Answer);
+            self.keep(workspace, half, sigma, &mut kept, CycleOutput::Answer);
             let density = density.get_or_insert_with(|| vec![0.0; self.order.len()]);
             let rows = density.par_iter_mut().zip(&workspace.y).zip(&workspace.right[half]);
             rows.with_min_len(PATCH_ROWS).for_each(|((sum, y), r)| {
@@ -283,7 +283,7 @@ impl<'a> Energy<'a> {
         ritz: &[f64],
         residuals: &Residuals,
         sigma: f64,
-    ) -> (Enclosure, Kept) {
+    ) -> (Enclosure, CycleOutput) {
         let mut kept = workspace.keep;
         let mut enclosed = self.step(workspace, half, sigma, Step { first: true, keep: kept, by_trees: true });
         let mut steps = 1;
@@ -291,17 +291,18 @@ impl<'a> Energy<'a> {
             (0..ritz.len()).all(|k| self.is_close(&residuals.pairs[k], &enclosed.of(k), ritz[k], sigma))
         };
         while steps < MOST_STEPS && !close(&enclosed) {
-            self.keep(workspace, half, sigma, &mut kept, Kept::Both);
-            enclosed = self.step(workspace, half, sigma, Step { first: false, keep: Kept::Both, by_trees: true });
+            self.keep(workspace, half, sigma, &mut kept, CycleOutput::Both);
+            enclosed =
+                self.step(workspace, half, sigma, Step { first: false, keep: CycleOutput::Both, by_trees: true });
             steps += 1;
         }
         // The next panel has much the same needs.
-        workspace.keep = if steps > 1 { Kept::Both } else { Kept::Nothing };
+        workspace.keep = if steps > 1 { CycleOutput::Both } else { CycleOutput::Nothing };
         (enclosed, kept)
     }
 
     /// Takes the first cycle again where less was kept than is asked for.
-    fn keep(&self, workspace: &mut Workspace, half: usize, sigma: f64, kept: &mut Kept, least: Kept) {
+    fn keep(&self, workspace: &mut Workspace, half: usize, sigma: f64, kept: &mut CycleOutput, least: CycleOutput) {
         if *kept < least {
             self.step(workspace, half, sigma, Step { first: true, keep: least, by_trees: true });
             *kept = least;
@@ -316,7 +317,7 @@ impl<'a> Energy<'a> {
     /// Whether a pair needs no other cycle.
     fn is_close(&self, residual: &PairResidual, enclosed: &EnclosureSums, ritz: f64, sigma: f64) -> bool {
         enclosed.excess <= SLACK * sigma * enclosed.below
-            || self.conclude(residual, enclosed, ritz, sigma).bound <= CLOSE * (ritz + self.floor)
+            || self.measure_of(residual, enclosed, ritz, sigma).bound <= CLOSE * (ritz + self.floor)
     }
 
     /// The weight of a pair in the density: nothing where it misses little.
@@ -327,8 +328,8 @@ impl<'a> Energy<'a> {
     }
 
     /// What the enclosure says of a pair.
-    fn conclude(&self, residual: &PairResidual, enclosed: &EnclosureSums, ritz: f64, sigma: f64) -> Measure {
-        conclude(residual, enclosed, ritz, sigma, (self.floor, self.mass.lumped_ratio()))
+    fn measure_of(&self, residual: &PairResidual, enclosed: &EnclosureSums, ritz: f64, sigma: f64) -> Measure {
+        measure_of(residual, enclosed, ritz, sigma, (self.floor, self.mass.lumped_ratio()))
     }
 
     /// `r = S x − θ M x` of the panel into `right`, in single precision, with the sums that it enters. `x` is lifted
@@ -387,8 +388,8 @@ impl<'a> Energy<'a> {
         let (mut new_y, mut new_rest) = (std::mem::take(to_y), std::mem::take(to_rest));
         let (before, source): (&[CycleRow], &[CycleRow]) = if step.first { (&[], right) } else { (y, rest) };
         let patches = self.hierarchy.patches();
-        let kept_y = places(patches, &mut new_y, right.len(), step.keep >= Kept::Answer);
-        let kept_rest = places(patches, &mut new_rest, right.len(), step.keep >= Kept::Both);
+        let kept_y = places(patches, &mut new_y, right.len(), step.keep >= CycleOutput::Answer);
+        let kept_rest = places(patches, &mut new_rest, right.len(), step.keep >= CycleOutput::Both);
         let kept = kept_y.into_iter().zip(kept_rest).collect();
         let parts = self.hierarchy.cycle(sigma as f32, source, cycle, kept, |patch, improved, (kept, rest)| {
             if !step.first {
@@ -422,7 +423,7 @@ fn sigma(ritz: &[f64], floor: f64, limits: KernelAndGoal) -> f64 {
 }
 
 /// What the enclosure says of a pair, where the lumped mass is at most so many times the mass.
-fn conclude(
+fn measure_of(
     residual: &PairResidual,
     enclosed: &EnclosureSums,
     ritz: f64,
@@ -451,14 +452,14 @@ fn conclude(
 #[derive(Clone, Copy)]
 struct Step {
     first: bool,
-    keep: Kept,
+    keep: CycleOutput,
     /// Whether what is left is measured by the forest, and not by the mass alone.
     by_trees: bool,
 }
 
 /// What a cycle leaves behind.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Kept {
+enum CycleOutput {
     /// Sums alone.
     Nothing,
     /// `y`.
@@ -492,7 +493,7 @@ struct Workspace {
     lifted: Spare<Vec<[f64; LIFT_WIDTH]>>,
     right: [Vec<CycleRow>; HALVES],
     /// What the first cycle keeps.
-    keep: Kept,
+    keep: CycleOutput,
     y: Vec<CycleRow>,
     rest: Vec<CycleRow>,
     next_y: Vec<CycleRow>,
@@ -508,7 +509,7 @@ impl Workspace {
             shared,
             lifted: Spare::default(),
             right: std::array::from_fn(|_| vec![[0.0; CYCLE_WIDTH]; n]),
-            keep: Kept::Nothing,
+            keep: CycleOutput::Nothing,
             y: Vec::new(),
             rest: Vec::new(),
             next_y: Vec::new(),

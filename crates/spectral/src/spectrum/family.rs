@@ -13,7 +13,7 @@ use chladni_base::{Monitor, Quiet};
 use chladni_mesh::TriangleMesh;
 
 use super::approximate::{Ritz, ritz};
-use super::hsim::{self, HsimError, HsimParameters, Wanted};
+use super::hsim::{self, HsimError, HsimParameters, Selection};
 use super::refine::inverse_iterations;
 use super::{ApproximationError, ApproximationParameters, Space};
 use crate::basis::family::FamilyBasis;
@@ -115,8 +115,12 @@ fn anchored(
         monitor.progress(k as f64 / ANCHORS.len() as f64);
         monitor.detail(&format!("extrinsic {t}, curvature {v}"));
         let problem = member(operators, t, v);
-        let parameters =
-            HsimParameters { wanted: Wanted::Count(count), tolerance: TOLERANCE, seed, ..HsimParameters::default() };
+        let parameters = HsimParameters {
+            selection: Selection::Count(count),
+            tolerance: TOLERANCE,
+            seed,
+            ..HsimParameters::default()
+        };
         let (found, method) = match hsim::solve(mesh, &problem, &parameters, false, &Quiet(monitor)) {
             Ok(pairs) => (pairs.vectors, "hsim"),
             Err(HsimError::Cancelled(cancelled)) => return Err(cancelled.into()),

@@ -32,7 +32,7 @@ pub(super) struct Hidden {
 
 /// Where to count: the shift, and how many eigenvalues may lie below it if none is hidden. `ritz` ascends, `errors` are
 /// estimates, the last of `count` pairs is to lie below the shift.
-fn place(ritz: &[f64], errors: &[f64], count: usize) -> Option<(f64, usize)> {
+fn counting_shift(ritz: &[f64], errors: &[f64], count: usize) -> Option<(f64, usize)> {
     let last = count.checked_sub(1)?;
     let most = ritz.len().min(errors.len()).checked_sub(1)?;
     // Behind the last pair, the widest gap that no exact value is likely to lie in.
@@ -58,7 +58,7 @@ pub(super) fn hidden(
     count: usize,
     monitor: &dyn Monitor,
 ) -> Result<Option<Hidden>, ApproximationError> {
-    let Some((shift, expected)) = place(ritz, errors, count) else { return Ok(None) };
+    let Some((shift, expected)) = counting_shift(ritz, errors, count) else { return Ok(None) };
     let pencil = match ShiftedPencil::new(problem, monitor) {
         Ok(pencil) => pencil,
         Err(ApproximationError::Cancelled(cancelled)) => return Err(cancelled.into()),

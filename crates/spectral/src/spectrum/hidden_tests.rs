@@ -2,20 +2,20 @@ use super::*;
 use chladni_algebra::{CpuSolver, MassMatrix, SymmetricDefiniteSolver, galerkin};
 use chladni_base::Unwatched;
 
-const BODY: usize = 400;
+const BODY_ROWS: usize = 400;
 const LIMB: usize = 40;
 
 /// A path of unit springs and masses, with a second one that begins at its first vertex.
 fn body_with_limb() -> EigenProblem {
-    let n = BODY + LIMB;
+    let n = BODY_ROWS + LIMB;
     let mut rows = vec![vec![]; n];
     let mut connect = |a: usize, b: usize| {
         rows[a].extend([(a as u32, 1.0), (b as u32, -1.0)]);
         rows[b].extend([(b as u32, 1.0), (a as u32, -1.0)]);
     };
-    (1..BODY).for_each(|k| connect(k - 1, k));
-    connect(0, BODY);
-    (BODY + 1..n).for_each(|k| connect(k - 1, k));
+    (1..BODY_ROWS).for_each(|k| connect(k - 1, k));
+    connect(0, BODY_ROWS);
+    (BODY_ROWS + 1..n).for_each(|k| connect(k - 1, k));
     let (mut offsets, mut indices, mut values) = (vec![0], Vec::new(), Vec::new());
     for (row, entries) in rows.iter_mut().enumerate() {
         let diagonal: f64 = entries.iter().filter(|entry| entry.0 as usize == row).map(|entry| entry.1).sum();
@@ -39,7 +39,7 @@ fn body_with_limb() -> EigenProblem {
 fn lacked(run: usize, count: usize) -> Option<Hidden> {
     let problem = body_with_limb();
     let n = problem.size();
-    let column = |row: usize| if row < BODY { row } else { BODY + (row - BODY) / run };
+    let column = |row: usize| if row < BODY_ROWS { row } else { BODY_ROWS + (row - BODY_ROWS) / run };
     let columns = column(n - 1) + 1;
     let indices = (0..n).map(|row| column(row) as u32).collect();
     let space = SparseMatrix::new(n, columns, (0..=n).collect(), indices, vec![1f32; n]).unwrap();
@@ -56,7 +56,7 @@ fn a_limb_that_the_space_is_too_coarse_for_is_counted_and_found() {
     assert!((3..=5).contains(&found.count), "{}", found.count);
     let density = found.density.expect("a mass that is definite");
     // The vertex that the limb begins at shares the energy of the edge between.
-    let (body, limb) = density.split_at(BODY);
+    let (body, limb) = density.split_at(BODY_ROWS);
     let (elsewhere, limb) = (body[1..].iter().sum::<f64>(), limb.iter().sum::<f64>());
     assert!(limb > 1e6 * elsewhere, "{limb} on the limb, {elsewhere} elsewhere");
 }

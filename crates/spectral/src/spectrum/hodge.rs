@@ -6,8 +6,8 @@
 //! problems with three entries a row and more are solved instead of one of thirteen blocks a row, and their
 //! certificates prove the union complete.
 
+mod inverse_iteration;
 mod part;
-mod settle;
 
 use chladni_algebra::{MassMatrix, PANEL_WIDTH, PanelMatrix, gram};
 use chladni_base::{Cancelled, Monitor};
@@ -17,11 +17,11 @@ use chladni_mesh::dual::DualGraph;
 use crate::operator::frames::FaceFrames;
 use crate::operator::hodge::{FieldBoundary, ScalarProblem, conforming_problem, nonconforming_problem};
 
+use inverse_iteration::inverse_iteration;
+pub use inverse_iteration::inverse_iteration_bytes;
 use part::Part;
-use settle::settle;
-pub use settle::settle_bytes;
 
-use super::hsim::{self, Eigenpairs, HsimError, HsimParameters, InertiaCount, LevelReport, Wanted};
+use super::hsim::{self, Eigenpairs, HsimError, HsimParameters, InertiaCount, LevelReport, Selection};
 
 /// Where an eigenfield comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -104,7 +104,7 @@ pub fn hodge_spectrum(
         }
         (tolerance, best) = (next, Some(found));
     };
-    settle(&mut found, surface, boundary, parameters.tolerance, monitor)?;
+    inverse_iteration(&mut found, surface, boundary, parameters.tolerance, monitor)?;
     found.orthonormality_defect = found.orthonormality_defect.max(defect(frames, &found.fields, monitor)?);
     Ok(found)
 }
@@ -189,8 +189,8 @@ fn solve(
     if scalar.problem.size() == 0 {
         return Ok(nothing());
     }
-    let wanted = Wanted::Count((count + scalar.kernel).clamp(1, scalar.problem.size()));
-    hsim::solve(&scalar.places, &scalar.problem, &HsimParameters { wanted, ..*parameters }, false, monitor)
+    let selection = Selection::Count((count + scalar.kernel).clamp(1, scalar.problem.size()));
+    hsim::solve(&scalar.places, &scalar.problem, &HsimParameters { selection, ..*parameters }, false, monitor)
 }
 
 /// The pairs of a problem without unknowns: of a triangle all of whose edges are boundary, say.

@@ -19,7 +19,7 @@ use chladni_base::parallel::*;
 use std::ops::Range;
 
 use super::approximate::{ApproximationError, Ritz};
-use super::certificate::KERNEL;
+use super::certificate::LARGEST_KERNEL_VALUE;
 use super::energy::{Corrections, Energy, MOST_FACTORED};
 use super::shifted::ShiftedPencil;
 use crate::operator::EigenProblem;
@@ -106,7 +106,7 @@ pub(super) fn enclose(
         let reason = format!("{below} eigenvalues were counted below {at}, where {least} Ritz values lie");
         return Err(ApproximationError::Unproven { reason });
     }
-    let sigma = SHIFT * (shift + energy.floor()).abs().max(KERNEL);
+    let sigma = SHIFT * (shift + energy.floor()).abs().max(LARGEST_KERNEL_VALUE);
     let poles = poles(&pencil, values, estimates, (shift, below, radius), monitor)?;
     let space = energy.in_order(&ritz.space);
     let deviation = Deviation::new(problem, ritz, energy.floor() + sigma, monitor)?;
@@ -159,7 +159,7 @@ fn poles(
 /// The bound that is the largest share of its value, the values that are zero apart: its pair, and that share.
 fn largest_share(values: &[f64], bounds: &[f64]) -> (usize, f64) {
     // Zeros have rounding errors for a bound, which are no share of them.
-    let is_of_zero = |value: f64, bound: f64| value.abs() <= KERNEL && bound.is_finite();
+    let is_of_zero = |value: f64, bound: f64| value.abs() <= LARGEST_KERNEL_VALUE && bound.is_finite();
     let shares = bounds.iter().zip(values).map(|(&bound, &value)| {
         let share = bound / value.abs();
         if is_of_zero(value, bound) {
@@ -189,7 +189,7 @@ fn require_meaning(values: &[f64], bounds: &[f64]) -> Result<(), ApproximationEr
 /// Shifts in the widest gaps behind the values of some indices, those first. Where there is no gap, one behind the last
 /// of them.
 fn gaps(values: &[f64], estimates: &[f64], places: Range<usize>) -> Vec<f64> {
-    let size = |k: usize| values[k].abs().max(KERNEL);
+    let size = |k: usize| values[k].abs().max(LARGEST_KERNEL_VALUE);
     let gap = |k: usize| (values[k + 1] - DOUBT * estimates[k + 1] - values[k]) / size(k);
     let mut wide: Vec<usize> = places.clone().filter(|&k| k + 1 < values.len() && gap(k) > 0.0).collect();
     wide.sort_by(|&a, &b| gap(b).total_cmp(&gap(a)));
@@ -265,7 +265,7 @@ fn lower_bounds(
             }
         }
         // The next pole: where a lower bound is farthest above the value before it.
-        let gap = |k: &usize| (lowest[*k] - values[k - 1]) / values[*k].abs().max(KERNEL);
+        let gap = |k: &usize| (lowest[*k] - values[k - 1]) / values[*k].abs().max(LARGEST_KERNEL_VALUE);
         let next = if start > 0 {
             (start + window / 4..start + window / 2).max_by(|a, b| gap(a).total_cmp(&gap(b)))
         } else {

@@ -13,7 +13,7 @@ const LEAST_WEIGHT: f64 = 1e-3;
 const CHUNK: usize = 64;
 
 /// Rows that have neighbours and places in space.
-pub(super) trait Places: Sync {
+pub(super) trait PositionedGraph: Sync {
     /// The number of rows.
     fn size(&self) -> usize;
     /// Where a row lies.
@@ -31,7 +31,7 @@ pub(super) trait Search: Send {
 /// Rows such that every row lies within `radius` of one, on the connected part of the ball around it; ascending, so
 /// that neighbours have close numbers where those of the graph have.
 pub(super) fn centres(
-    graph: &impl Places,
+    graph: &impl PositionedGraph,
     radius: f64,
     seed: u64,
     monitor: &dyn Monitor,
@@ -67,7 +67,7 @@ pub(super) fn cover(
 
 /// One function for each centre, with support in the ball of a radius around it; rows have the sum 1.
 pub(super) fn functions(
-    graph: &impl Places,
+    graph: &impl PositionedGraph,
     centres: &[u32],
     radius: f64,
     monitor: &dyn Monitor,
@@ -133,13 +133,13 @@ struct Ball<'a, G> {
     found: Vec<(u32, f64)>,
 }
 
-impl<'a, G: Places> Ball<'a, G> {
+impl<'a, G: PositionedGraph> Ball<'a, G> {
     fn new(graph: &'a G, radius: f64) -> Self {
         Self { graph, radius, stamp: vec![0; graph.size()], current: 0, found: Vec::new() }
     }
 }
 
-impl<G: Places> Search for Ball<'_, G> {
+impl<G: PositionedGraph> Search for Ball<'_, G> {
     fn around(&mut self, centre: u32) -> &[(u32, f64)] {
         let Self { graph, radius, stamp, current, found } = self;
         *current += 1;

@@ -12,7 +12,7 @@ use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor, SplitMix64};
 use chladni_mesh::TriangleMesh;
 
-use super::hsim::{self, Eigenpairs, HsimError, HsimParameters, Variant, Wanted};
+use super::hsim::{self, Eigenpairs, HsimError, HsimParameters, Selection, Variant};
 use super::local::{self, Search};
 use crate::operator::EigenProblem;
 
@@ -21,7 +21,7 @@ const REACH: f64 = 1.8;
 
 /// Where the rows of an operator lie.
 #[derive(Debug, Clone, Copy)]
-pub enum Places<'a> {
+pub enum RowPositions<'a> {
     /// At these positions, one for each vertex.
     Positions(&'a [[f64; 3]]),
     /// Nowhere: edges have about the same length. What comes out depends on the matrices and the seed alone.
@@ -35,12 +35,12 @@ pub enum Places<'a> {
 /// [`HsimError`], as [`hsim::solve`]; a variant other than ours, or a bound instead of a count.
 pub fn solve(
     problem: &EigenProblem,
-    places: Places<'_>,
+    places: RowPositions<'_>,
     vertices: usize,
     parameters: &HsimParameters,
     monitor: &dyn Monitor,
 ) -> Result<Eigenpairs, HsimError> {
-    let (Wanted::Count(count), Variant::Sliced) = (parameters.wanted, parameters.variant) else {
+    let (Selection::Count(count), Variant::Sliced) = (parameters.selection, parameters.variant) else {
         let reason = "needs the variant \"sliced\" and a count".to_owned();
         return Err(HsimError::Parameter { name: "operator", reason });
     };
@@ -83,16 +83,16 @@ struct Graph<'a> {
 }
 
 impl<'a> Graph<'a> {
-    fn new(problem: &'a EigenProblem, places: Places<'_>, seed: u64) -> Self {
+    fn new(problem: &'a EigenProblem, places: RowPositions<'_>, seed: u64) -> Self {
         let stiffness = &problem.stiffness;
         let vertex = |row: u32| problem.unknowns.as_ref().map_or(row, |unknowns| unknowns[row as usize]) as usize;
         let length = |row: u32, column: u32| match places {
-            Places::Positions(positions) => {
+            RowPositions::Positions(positions) => {
                 let (p, q) = (positions[vertex(row)], positions[vertex(column)]);
                 (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>().sqrt()
             }
             // Lengths that differ a little let the number of samples be chosen; by hops it would jump.
-            Places::Nowhere => {
+            RowPositions::Nowhere => {
                 let (low, high) = (row.min(column), row.max(column));
                 let mut random = SplitMix64::new(seed ^ ((u64::from(low) << 32) | u64::from(high)));
                 1.0 + 0.5 * random.signed_unit()

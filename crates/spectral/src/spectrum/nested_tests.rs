@@ -11,8 +11,9 @@ use chladni_mesh::shape::{Shape, generate};
 
 fn lowest(solid: &TetMesh, mass: MassKind, boundary: Boundary, count: usize) -> Vec<f64> {
     let problem = volume::assemble(solid, mass, boundary, &Unwatched).unwrap().problem;
-    let parameters = HsimParameters { wanted: Wanted::Count(count), tolerance: 1e-8, ..HsimParameters::default() };
-    let places = Places::Positions(&solid.positions);
+    let parameters =
+        HsimParameters { selection: Selection::Count(count), tolerance: 1e-8, ..HsimParameters::default() };
+    let places = RowPositions::Positions(&solid.positions);
     let pairs = solve(&problem, places, solid.positions.len(), &parameters, &Unwatched).unwrap();
     assert!(pairs.orthonormality_defect < 1e-10);
     pairs.values
@@ -113,9 +114,9 @@ fn graphs_need_no_positions_and_agree_with_the_formula_of_a_torus() {
         })
         .collect();
     exact.sort_by(f64::total_cmp);
-    let wanted = HsimParameters { wanted: Wanted::Count(60), tolerance: 1e-8, ..HsimParameters::default() };
+    let wanted = HsimParameters { selection: Selection::Count(60), tolerance: 1e-8, ..HsimParameters::default() };
     assert!(!hsim::is_dense(m * n, 60), "the test is of the hierarchy");
-    let solved = || solve(&operator.problem, Places::Nowhere, m * n, &wanted, &Unwatched).unwrap();
+    let solved = || solve(&operator.problem, RowPositions::Nowhere, m * n, &wanted, &Unwatched).unwrap();
     let pairs = solved();
     for (found, exact) in pairs.values.iter().zip(&exact) {
         assert!((found - exact).abs() < 1e-9, "{found} is not {exact}");
@@ -132,16 +133,17 @@ fn components_have_a_constant_each_and_a_bound_is_refused() {
     mesh.positions.extend(mesh.positions.clone());
     let parameters = OperatorParameters { operator: OperatorKind::Graph, ..OperatorParameters::default() };
     let operator = assemble(&mesh, &parameters, &Unwatched).unwrap();
-    let wanted = HsimParameters { wanted: Wanted::Count(30), tolerance: 1e-6, ..HsimParameters::default() };
-    let solved =
-        |wanted: &HsimParameters| solve(&operator.problem, Places::Nowhere, mesh.positions.len(), wanted, &Unwatched);
+    let wanted = HsimParameters { selection: Selection::Count(30), tolerance: 1e-6, ..HsimParameters::default() };
+    let solved = |wanted: &HsimParameters| {
+        solve(&operator.problem, RowPositions::Nowhere, mesh.positions.len(), wanted, &Unwatched)
+    };
     let values = solved(&wanted).unwrap().values;
     assert_eq!(values[..2], [0.0, 0.0]);
     assert!(values[2] > 0.0);
     for pair in values.chunks_exact(2) {
         assert!((pair[0] - pair[1]).abs() <= 1e-9 * pair[1], "{pair:?}");
     }
-    let bound = HsimParameters { wanted: Wanted::Below { bound: 1.0, most: 10 }, ..wanted };
+    let bound = HsimParameters { selection: Selection::Below { bound: 1.0, most: 10 }, ..wanted };
     assert!(matches!(solved(&bound), Err(HsimError::Parameter { name: "operator", .. })));
 }
 
@@ -164,8 +166,9 @@ fn a_count_that_cuts_the_cluster_of_identical_copies_is_met_and_says_so() {
     // Triplets of the sphere, eight times; and its fifth value, which belongs to others.
     assert!(dense[3] - dense[1] < 1e-9 * dense[1] && dense[4] > 1.1 * dense[3]);
     for (count, cut) in [(14, true), (9, true), (31, true), (32, false), (8, false), (3, true)] {
-        let wanted = HsimParameters { wanted: Wanted::Count(count), tolerance: 1e-8, ..HsimParameters::default() };
-        let found = solve(&whole, Places::Nowhere, mesh.positions.len(), &wanted, &Unwatched).unwrap();
+        let wanted =
+            HsimParameters { selection: Selection::Count(count), tolerance: 1e-8, ..HsimParameters::default() };
+        let found = solve(&whole, RowPositions::Nowhere, mesh.positions.len(), &wanted, &Unwatched).unwrap();
         assert_eq!(completeness(0, &found.values, &found.inertia), Some(true), "{count}: {:?}", found.inertia);
         let cluster = if count < 8 { CutCluster { first: 0, end: 8 } } else { CutCluster { first: 8, end: 32 } };
         assert_eq!(found.cut, cut.then_some(cluster), "{count} pairs");

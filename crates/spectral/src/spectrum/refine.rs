@@ -13,7 +13,7 @@ use chladni_base::{Cancelled, Monitor, Quiet};
 use serde::{Deserialize, Serialize};
 
 use super::approximate::{ApproximationError, ApproximationParameters, Ritz, rounding, search};
-use super::certificate::KERNEL;
+use super::certificate::LARGEST_KERNEL_VALUE;
 use super::domain::Domain;
 use super::hsim::Eigenpairs;
 use crate::basis::AccuracyReport;
@@ -172,7 +172,7 @@ fn on_unit_size(
     let estimates: Vec<f64> = refined.values.iter().zip(&pairs.values).zip(&estimates).map(left).collect();
     if let Some(accuracy) = &mut accuracy {
         let relative = |(estimate, value): (&f64, &f64)| {
-            if (value * problem.area).abs() > KERNEL { estimate / value.abs() } else { 0.0 }
+            if (value * problem.area).abs() > LARGEST_KERNEL_VALUE { estimate / value.abs() } else { 0.0 }
         };
         accuracy.largest_estimate = estimates.iter().zip(&refined.values).map(relative).fold(0.0, f64::max);
         accuracy.reached = accuracy.largest_estimate <= accuracy.goal && !hides_some;
@@ -379,7 +379,7 @@ fn rayleigh_ritz(
     let mut defect = 0.0f64;
     let (mut residuals, mut bounds, mut scales) = (Vec::new(), Vec::new(), Vec::new());
     for (sum, &theta) in sums.iter().zip(&pairs.values) {
-        residuals.push(if theta.abs() <= KERNEL {
+        residuals.push(if theta.abs() <= LARGEST_KERNEL_VALUE {
             ratio(sum.stiffness, norm * norm * sum.square)
         } else {
             ratio(sum.residual, sum.stiffness)

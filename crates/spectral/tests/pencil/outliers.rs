@@ -85,7 +85,8 @@ fn as_many_values_far_below_all_others_as_are_wanted_among_them_are_no_obstacle(
             }
             let bound = 0.5 * (exact[count - 1] + exact[count]);
             if exact[count] - exact[count - 1] > 1e-6 {
-                let below = Parameters { wanted: Wanted::Below { bound, most: 200 }, ..Parameters::default() };
+                let below =
+                    Parameters { selection: PencilSelection::Below { bound, most: 200 }, ..Parameters::default() };
                 proven(&matrix(n, &entries), &Mass::Identity, &below, &exact[..count], 1e-11);
             }
             // The same beside a constant that leaves no value below zero.

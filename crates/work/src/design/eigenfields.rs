@@ -96,8 +96,8 @@ impl Eigenfields {
     }
 
     /// How many fields are corrected together.
-    pub fn together(&self) -> usize {
-        LowestFields::together(self.range.end, self.count)
+    pub fn block_size(&self) -> usize {
+        LowestFields::block_size(self.range.end, self.count)
     }
 
     /// Gives each field to `take`, by ascending eigenvalue: as the space has it, or corrected among all fields of the
@@ -121,7 +121,7 @@ impl Eigenfields {
             return Ok(());
         };
         let lifted = |k: usize| Ok(setting.lift(&model.eigenfield(k))?.into_iter().map(f64::from).collect());
-        let start = (0..self.together()).map(lifted).collect::<Result<Vec<Vec<f64>>, DesignFault>>()?;
+        let start = (0..self.block_size()).map(lifted).collect::<Result<Vec<Vec<f64>>, DesignFault>>()?;
         let found = full.eigenfields(start, self.range.end, EigenfieldGoal::Tolerance(tolerance), monitor)?;
         if !found.reached {
             return Err(RefineError::NotConverged { tolerance }.into());

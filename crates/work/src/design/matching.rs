@@ -24,12 +24,12 @@ pub struct MatchedFaces {
 
 impl MatchedFaces {
     /// A matching in the faces of the file.
-    pub fn told(matching: &[Matching], to: &Translation) -> Vec<Self> {
+    pub fn in_file_faces(matching: &[Matching], to: &Translation) -> Vec<Self> {
         matching.iter().map(|m| Self { faces: m.faces.map(|face| to.file_face(face)), turns: m.turns }).collect()
     }
 
     /// A matching in the faces of the kept mesh.
-    pub fn kept(matching: &[Matching]) -> Vec<Self> {
+    pub fn in_mesh_faces(matching: &[Matching]) -> Vec<Self> {
         matching.iter().map(|m| Self { faces: m.faces, turns: m.turns }).collect()
     }
 

@@ -47,14 +47,14 @@ fn quads_of_exact_designs_have_their_singular_vertices_and_no_others() {
     let exact = designed.exact.as_ref().unwrap();
     assert!(!exact.matching.is_empty(), "a mesh that needs no matching tells nothing");
     // As it is, and as it is kept and read again.
-    let told = serde_json::to_value(MatchedFaces::kept(&exact.matching)).unwrap();
+    let told = serde_json::to_value(MatchedFaces::in_mesh_faces(&exact.matching)).unwrap();
     let kept: Vec<MatchedFaces> = serde_json::from_value(told).unwrap();
     assert_eq!(MatchedFaces::on(&kept, surface).unwrap(), exact.matching);
     let turned: Vec<MatchedFaces> =
         kept.iter().map(|m| MatchedFaces { faces: [m.faces[1], m.faces[0]], turns: -m.turns }).collect();
     assert_eq!(MatchedFaces::on(&turned, surface).unwrap(), exact.matching);
     assert_eq!(MatchedFaces::on(&[MatchedFaces { faces: [0, 0], turns: 1 }], surface), None);
-    let stored = KeptField {
+    let stored = FieldContent {
         kind: Some(setting.kind()),
         columns: 2,
         values: Arc::new(exact.field.clone()),
@@ -67,7 +67,7 @@ fn quads_of_exact_designs_have_their_singular_vertices_and_no_others() {
     let own: Vec<(u32, i32)> = found.combed.singularities.iter().map(|s| (s.vertex, s.numerator)).collect();
     assert_eq!(own, wanted);
     // Without it some move.
-    let without = KeptField { matching: None, ..stored }.crosses(surface).unwrap();
+    let without = FieldContent { matching: None, ..stored }.crosses(surface).unwrap();
     let moved = comb(surface, &without.field, &without.matching).unwrap();
     assert_ne!(moved.singularities.iter().map(|s| s.vertex).collect::<Vec<_>>(), vertices);
 }
@@ -91,7 +91,7 @@ fn exact_singularities_stay_beside_an_alignment_which_turns_the_field() {
         assert!(found.iter().zip(singular()).all(|(s, v)| (s.vertex, s.numerator) == (v, -1)));
         // Of all turns of the plain field it is the one that deviates least from the principal directions.
         let wanted: AlignmentRequest = serde_json::from_value(alignment(per_face)).unwrap();
-        let target = super::target::field(&setting, &wanted, &KeptFields::default()).unwrap();
+        let target = super::target::field(&setting, &wanted, &ReferencedFields::default()).unwrap();
         let areas = surface.frames().areas();
         let deviation = |field: &mut dyn FnMut(usize) -> [f64; 2]| -> f64 {
             let one = |face: usize| {
@@ -123,7 +123,7 @@ fn exact_singularities_stay_beside_an_alignment_which_turns_the_field() {
         setting.lifted(&designed).unwrap()
     };
     let target: AlignmentRequest = serde_json::from_value(json!({"to": "curvature", "weight": 1.0})).unwrap();
-    let target = super::target::field(&setting, &target, &KeptFields::default()).unwrap().target;
+    let target = super::target::field(&setting, &target, &ReferencedFields::default()).unwrap().target;
     let off = |field: Vec<f32>| field.iter().zip(&target).map(|(u, t)| (f64::from(*u) - t).powi(2)).sum::<f64>();
     let [none, much] = [0.0, 1e7].map(|weight| off(soft(weight)));
     assert!(much < 0.9 * none, "{none} {much}");

@@ -63,5 +63,5 @@ pub use request::{
 };
 pub use setting::{Designed, ExactField, Setting, Surface, numerators};
 pub use source::FieldSource;
-pub use stored::{FieldTable, KeptField, KeptFields, StoredField};
+pub use stored::{FieldContent, FieldTable, ReferencedFields, StoredField};
 pub use transport::{TransportRequest, carried};

@@ -12,7 +12,7 @@ use chladni_spectral::operator::transport::FieldKind;
 use serde::{Deserialize, Serialize};
 
 use super::request::{DesignRequest, Pin, SingularVertex, refused};
-use super::{DesignFault, FieldSource, KeptField, Surface};
+use super::{DesignFault, FieldContent, FieldSource, Surface};
 use crate::table::Table;
 
 /// A seamless parametrisation along a cross field.
@@ -359,7 +359,7 @@ fn given(surface: &FieldSurface, table: &Table, place: &str) -> Result<Vec<f32>,
     Ok(field)
 }
 
-impl KeptField {
+impl FieldContent {
     /// The crosses that a stored field makes.
     ///
     /// # Errors

@@ -18,7 +18,7 @@ use chladni_spectral::operator::transport::FieldKind;
 use super::faces::FacesRequest;
 use super::goal::{ExactGoal, Goal};
 use super::request::{AlignmentRequest, DesignRequest, SingularVertex, SingularitiesRequest, Weights, refused};
-use super::stored::KeptFields;
+use super::stored::ReferencedFields;
 use super::{DesignFault, target};
 
 /// About the bytes that a face of a surface takes: corners and positions, neighbours, edges, lengths, and frames.
@@ -193,7 +193,7 @@ impl Setting {
         &self,
         model: &DesignModel,
         wanted: &AlignmentRequest,
-        kept: &KeptFields,
+        kept: &ReferencedFields,
     ) -> Result<Alignment, DesignFault> {
         let field = target::field(self, wanted, kept)?;
         let weights = wanted.per_face.is_some().then_some(field.weights.as_slice());
@@ -225,7 +225,7 @@ impl Setting {
     pub fn weighted(&self, model: &DesignModel, weights: Weights, goal: Goal) -> Result<WeightedModel, DesignFault> {
         let weights = EnergyWeights { harmonic: weights.harmonic, biharmonic: weights.bending() };
         let firm = |(wanted, weight): (Arc<Prescription>, Option<f64>)| {
-            let weight = weight.unwrap_or_else(|| wanted.firm(weights));
+            let weight = weight.unwrap_or_else(|| wanted.one_percent_weight(weights));
             (wanted, weight)
         };
         Ok(model.weighted_with(weights, goal.alignment.into_iter().collect(), goal.prescription.map(firm))?)
@@ -288,7 +288,8 @@ impl Setting {
         let constraints = request.resolve(&self.surface, self.kind())?;
         let mut goal = Goal::default();
         if let Some(wanted) = &request.alignment {
-            goal.alignment = Some((Arc::new(self.alignment(&model, wanted, &KeptFields::default())?), wanted.weight));
+            goal.alignment =
+                Some((Arc::new(self.alignment(&model, wanted, &ReferencedFields::default())?), wanted.weight));
         }
         if let Some(wanted) = &request.singularities {
             goal.prescription = Some((Arc::new(self.prescription(&model, wanted, monitor)?.0), wanted.weight));

@@ -4,7 +4,7 @@ use chladni_base::Monitor;
 use serde::Deserialize;
 
 use super::request::{DesignRequest, refused};
-use super::stored::nowhere;
+use super::stored::no_stored_fields;
 use super::{DesignFault, Setting};
 
 /// Which field: exactly one of the four.
@@ -85,7 +85,7 @@ impl FieldSource {
         match (self, self.coefficients(setting)?) {
             (_, Some(coefficients)) => setting.lift(&coefficients),
             (Self::Design(request), None) => setting.lifted(&setting.design(request, monitor)?),
-            (Self::Stored(_), None) => Err(nowhere("field.stored")),
+            (Self::Stored(_), None) => Err(no_stored_fields("field.stored")),
             (_, None) => setting.lift(&[]),
         }
     }

@@ -63,7 +63,7 @@ impl TryFrom<Members> for FieldTable {
 
 /// What a server keeps of a field.
 #[derive(Debug, Clone)]
-pub struct KeptField {
+pub struct FieldContent {
     /// What its numbers are, where it was designed; they are then those that are stored in a face. Of an upload nobody
     /// knows but who names it.
     pub kind: Option<FieldKind>,
@@ -78,19 +78,19 @@ pub struct KeptField {
 
 /// The stored fields that a request names, found by who keeps them.
 #[derive(Debug, Clone, Default)]
-pub struct KeptFields {
+pub struct ReferencedFields {
     /// That which an alignment is to.
-    pub to: Option<KeptField>,
+    pub to: Option<FieldContent>,
     /// Its weights of faces.
-    pub per_face: Option<KeptField>,
+    pub per_face: Option<FieldContent>,
 }
 
 /// Where nobody keeps anything.
-pub(super) fn nowhere(place: &str) -> DesignFault {
+pub(super) fn no_stored_fields(place: &str) -> DesignFault {
     refused("stored", place, "stored fields exist only on a server; give the numbers themselves")
 }
 
-impl KeptField {
+impl FieldContent {
     /// Its own numbers with their matching, where it was designed.
     pub fn lifted(&self, surface: &FieldSurface) -> Option<Lifted> {
         let matching = self.matching.as_ref().and_then(|matched| MatchedFaces::on(matched, surface));
@@ -123,7 +123,8 @@ impl KeptField {
                 Ok(values.as_chunks::<2>().0.iter().flat_map(turned).collect())
             }
             Some(kind) => {
-                let reason = format!("a stored field of {} cannot be used as one of {}", told(kind), told(wanted));
+                let reason =
+                    format!("a stored field of {} cannot be used as one of {}", kind_name(kind), kind_name(wanted));
                 Err(refused("stored", place, reason))
             }
         }
@@ -143,7 +144,7 @@ impl KeptField {
     }
 }
 
-fn told(kind: FieldKind) -> String {
+fn kind_name(kind: FieldKind) -> String {
     match kind {
         FieldKind::Tensor {} => "tensors".to_owned(),
         FieldKind::Vector {} | FieldKind::NVector { n: 1 } => "vectors".to_owned(),

@@ -4,11 +4,15 @@ use chladni_spectral::field::{DirectionField, curvature_tensors, direction_in_fr
 use chladni_spectral::operator::transport::FieldKind;
 
 use super::request::{AlignmentRequest, NamedTarget, NamedWeights, PerFace, Target, refused};
-use super::stored::{FieldTable, KeptFields, nowhere};
+use super::stored::{FieldTable, ReferencedFields, no_stored_fields};
 use super::{DesignFault, Setting};
 
 /// The field to align to, in stored numbers, and weights of faces; `kept` has the stored fields that the request names.
-pub fn field(setting: &Setting, wanted: &AlignmentRequest, kept: &KeptFields) -> Result<DirectionField, DesignFault> {
+pub fn field(
+    setting: &Setting,
+    wanted: &AlignmentRequest,
+    kept: &ReferencedFields,
+) -> Result<DirectionField, DesignFault> {
     let (surface, kind) = (&setting.surface.surface, setting.kind());
     let faces = surface.faces();
     let curvature = || -> Result<Vec<f64>, DesignFault> {
@@ -44,7 +48,7 @@ pub fn field(setting: &Setting, wanted: &AlignmentRequest, kept: &KeptFields) ->
         }
         (Target::Field(FieldTable::Stored(_)), _) => {
             let place = "alignment.to.stored";
-            (kept.to.as_ref().ok_or_else(|| nowhere(place))?.stored(setting, place)?, None)
+            (kept.to.as_ref().ok_or_else(|| no_stored_fields(place))?.stored(setting, place)?, None)
         }
     };
     let weights = match (&wanted.per_face, known) {
@@ -60,7 +64,7 @@ pub fn field(setting: &Setting, wanted: &AlignmentRequest, kept: &KeptFields) ->
         }
         (Some(PerFace::Stored(_)), _) => {
             let place = "alignment.per_face.stored";
-            kept.per_face.as_ref().ok_or_else(|| nowhere(place))?.weights(setting, place)?
+            kept.per_face.as_ref().ok_or_else(|| no_stored_fields(place))?.weights(setting, place)?
         }
     };
     Ok(DirectionField { target, weights })

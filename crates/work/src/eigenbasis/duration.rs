@@ -3,7 +3,7 @@
 //! 1,000 pairs beside other work on the machine, took .7 to 2.1 times as long as told
 //! (`chladni solve rocker-arm.off -n 500 --method hsim --threads 1`, likewise armadillo and igea, both methods).
 
-use chladni_spectral::spectrum::hsim::{Variant, Wanted};
+use chladni_spectral::spectrum::hsim::{Selection, Variant};
 
 use super::{Approximate, Exact};
 
@@ -24,7 +24,7 @@ impl Exact {
     /// about a quarter more.
     pub(super) fn seconds(&self, unknowns: usize, pairs: usize) -> Option<f64> {
         let is_hsim = matches!(self.solver.variant, Variant::Sliced | Variant::Published);
-        if !is_hsim || !matches!(self.solver.wanted, Wanted::Count(_)) {
+        if !is_hsim || !matches!(self.solver.selection, Selection::Count(_)) {
             return None;
         }
         let digits = (1e-2 / self.solver.tolerance).log10().max(0.0);

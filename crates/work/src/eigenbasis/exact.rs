@@ -6,8 +6,8 @@ use chladni_mesh::TriangleMesh;
 use chladni_spectral::basis::{Basis, DenseFunctions, Functions, Interval, Precision, Provenance};
 use chladni_spectral::operator::{EigenProblem, MeshOperator};
 use chladni_spectral::spectrum::heat::HeatParameters;
-use chladni_spectral::spectrum::hsim::{self, Eigenpairs, HsimError, HsimParameters, Variant, Wanted};
-use chladni_spectral::spectrum::nested::{self, Places};
+use chladni_spectral::spectrum::hsim::{self, Eigenpairs, HsimError, HsimParameters, Selection, Variant};
+use chladni_spectral::spectrum::nested::{self, RowPositions};
 use chladni_spectral::spectrum::{ApproximationParameters, Space, subspace};
 use serde::{Deserialize, Serialize};
 
@@ -103,7 +103,7 @@ impl Exact {
             }
         }
         let solver = HsimParameters {
-            wanted: wanted(request, count)?,
+            selection: selection(request, count)?,
             tolerance,
             variant,
             levels: request.levels,
@@ -119,10 +119,10 @@ impl Exact {
 
     /// Writes every member of the method.
     pub fn fill(&self, request: &mut Request) {
-        match self.solver.wanted {
-            Wanted::Count(count) => request.count = Some(count),
-            Wanted::Below { bound, most } => (request.below, request.at_most) = (Some(bound), Some(most)),
-            Wanted::Between { from, to, most } => {
+        match self.solver.selection {
+            Selection::Count(count) => request.count = Some(count),
+            Selection::Below { bound, most } => (request.below, request.at_most) = (Some(bound), Some(most)),
+            Selection::Between { from, to, most } => {
                 (request.between, request.at_most) = (Some([from, to]), Some(most));
             }
         }
@@ -143,9 +143,9 @@ impl Exact {
 
     /// The most pairs that may be computed.
     pub fn most_pairs(&self) -> usize {
-        match self.solver.wanted {
-            Wanted::Count(count) => count,
-            Wanted::Below { most, .. } | Wanted::Between { most, .. } => most,
+        match self.solver.selection {
+            Selection::Count(count) => count,
+            Selection::Below { most, .. } | Selection::Between { most, .. } => most,
         }
     }
 
@@ -195,8 +195,8 @@ impl Exact {
         let parameters = HsimParameters { seed, ..self.solver };
         let compact = self.storage == StorageKind::Compact;
         let problem = &operator.problem;
-        let pairs = match (compact, parameters.wanted, parameters.variant) {
-            (true, Wanted::Count(count), Variant::Sliced) => {
+        let pairs = match (compact, parameters.selection, parameters.variant) {
+            (true, Selection::Count(count), Variant::Sliced) => {
                 // Smoothed functions hold eigenfunctions four times as well as those that only have to start an
                 // iteration.
                 let functions = ApproximationParameters {
@@ -222,7 +222,7 @@ impl Exact {
     pub fn run_nested(
         &self,
         operator: &MeshOperator,
-        places: Places<'_>,
+        places: RowPositions<'_>,
         vertices: usize,
         seed: u64,
         monitor: &dyn Monitor,
@@ -273,7 +273,7 @@ impl Exact {
         precision: Precision,
         monitor: &dyn Monitor,
     ) -> Result<Basis, JobError> {
-        let mut certificate = pairs.take_certificate(self.solver.wanted, self.solver.tolerance)?;
+        let mut certificate = pairs.take_certificate(self.solver.selection, self.solver.tolerance)?;
         let functions = match self.storage {
             StorageKind::Dense => Functions::Dense(DenseFunctions::from_panels(pairs.vectors, precision)),
             StorageKind::Compact => {
@@ -339,26 +339,26 @@ pub(crate) fn within(name: &'static str, given: f64, least: f64, most: f64) -> R
     Err(value(name, format!("must be between {least} and {most}, not {given}")))
 }
 
-fn wanted(request: &Request, count: usize) -> Result<Wanted, ParameterError> {
+fn selection(request: &Request, count: usize) -> Result<Selection, ParameterError> {
     let most = request.at_most.unwrap_or(AT_MOST);
-    let wanted = match (request.below, request.between) {
+    let selection = match (request.below, request.between) {
         (None, None) if request.at_most.is_some() => {
             let reason = "belongs to \"below\" and \"between\", the bounds on the eigenvalues";
             return Err(value("at_most", reason.to_owned()));
         }
-        (None, None) => return Ok(Wanted::Count(count)),
+        (None, None) => return Ok(Selection::Count(count)),
         (Some(_), Some(_)) => {
             return Err(value("between", "give one bound on the eigenvalues, or an interval, not both".to_owned()));
         }
         (Some(bound), None) if !(bound.abs() <= MOST_BOUND) => {
             return Err(value("below", format!("must be a number from -1e300 to 1e300, not {bound}")));
         }
-        (Some(bound), None) => Wanted::Below { bound, most },
+        (Some(bound), None) => Selection::Below { bound, most },
         (None, Some([from, to])) if !(from < to && from.abs() <= MOST_BOUND && to.abs() <= MOST_BOUND) => {
             let reason = format!("must be two numbers from -1e300 to 1e300, the lower one first, not {from} and {to}");
             return Err(value("between", reason));
         }
-        (None, Some([from, to])) => Wanted::Between { from, to, most },
+        (None, Some([from, to])) => Selection::Between { from, to, most },
     };
     if request.count.is_some() {
         let name = if request.below.is_some() { "below" } else { "between" };
@@ -367,7 +367,7 @@ fn wanted(request: &Request, count: usize) -> Result<Wanted, ParameterError> {
     if !(1..=LARGEST_COUNT).contains(&most) {
         return Err(value("at_most", format!("must be between 1 and {LARGEST_COUNT}, not {most}")));
     }
-    Ok(wanted)
+    Ok(selection)
 }
 
 /// Matrices are shifted by bounds, and must stay finite.

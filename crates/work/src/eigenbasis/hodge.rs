@@ -6,8 +6,8 @@ use chladni_spectral::basis::{Basis, Certificate, DenseFunctions, Functions, Pre
 use chladni_spectral::field::{FieldSurface, HarmonicError, harmonic_fields};
 use chladni_spectral::operator::hodge::{FieldBoundary, hodge_problem};
 use chladni_spectral::operator::{MassKind, MassMatrix, OperatorError, OperatorParameters};
-use chladni_spectral::spectrum::hodge::{FieldPart, hodge_spectrum, settle_bytes};
-use chladni_spectral::spectrum::hsim::{HsimError, HsimParameters, Variant, Wanted};
+use chladni_spectral::spectrum::hodge::{FieldPart, hodge_spectrum, inverse_iteration_bytes};
+use chladni_spectral::spectrum::hsim::{HsimError, HsimParameters, Selection, Variant};
 
 use super::exact::residuals_as_stored;
 use super::{Exact, Method, StorageKind, value};
@@ -18,12 +18,12 @@ pub fn check(method: &Method, operator: &OperatorParameters) -> Result<(), Param
     let Method::Exact(exact) = method else {
         return Err(value("method", "the operator \"hodge\" needs the method \"hsim\"".to_owned()));
     };
-    let refusal = match (exact.solver.variant, exact.solver.wanted, exact.storage) {
+    let refusal = match (exact.solver.variant, exact.solver.selection, exact.storage) {
         (Variant::Random | Variant::Bathe | Variant::Published, _, _) => {
             Some(("method", "the operator \"hodge\" needs the method \"hsim\" in its variant \"sliced\""))
         }
-        (_, Wanted::Below { .. }, _) => Some(("below", "the operator \"hodge\" needs a count")),
-        (_, Wanted::Between { .. }, _) => Some(("between", "the operator \"hodge\" needs a count")),
+        (_, Selection::Below { .. }, _) => Some(("below", "the operator \"hodge\" needs a count")),
+        (_, Selection::Between { .. }, _) => Some(("between", "the operator \"hodge\" needs a count")),
         (_, _, StorageKind::Compact) => Some(("storage", "eigenfields of \"hodge\" are stored densely")),
         _ if operator.mass != MassKind::Barycentric => Some(("mass", "the operator \"hodge\" has a mass of its own")),
         _ => None,
@@ -37,13 +37,13 @@ pub fn memory_bytes(exact: &Exact, vertices: u64, faces: u64) -> u64 {
     let edges = (3 * faces).div_ceil(2).max(vertices);
     let (fields, half) = (exact.most_pairs() as u64, exact.most_pairs() as u64 / 2);
     let scalar = Exact {
-        solver: HsimParameters { wanted: Wanted::Count(half as usize + half as usize / 10 + 8), ..exact.solver },
+        solver: HsimParameters { selection: Selection::Count(half as usize + half as usize / 10 + 8), ..exact.solver },
         ..exact.clone()
     };
     let graph = faces * 400;
     let results = 2 * faces * fields * (8 + exact.precision.unwrap_or(Precision::F64).bytes() as u64)
         + 8 * (vertices + edges) * half;
-    graph + results + scalar.memory_bytes(edges) + edges * 160 + settle_bytes(faces)
+    graph + results + scalar.memory_bytes(edges) + edges * 160 + inverse_iteration_bytes(faces)
 }
 
 /// Computes the basis: `2F` rows, two for each face in its frame, with the area of the face as the mass of both.

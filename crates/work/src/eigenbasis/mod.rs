@@ -232,7 +232,9 @@ impl EigenbasisParameters {
         self.operator.check_mesh(vertices)?;
         let bounded = match &self.method {
             Method::Auto(_) | Method::Approximate(_) => false,
-            Method::Exact(exact) => !matches!(exact.solver.wanted, chladni_spectral::spectrum::hsim::Wanted::Count(_)),
+            Method::Exact(exact) => {
+                !matches!(exact.solver.selection, chladni_spectral::spectrum::hsim::Selection::Count(_))
+            }
         };
         let count = self.most_pairs();
         if self.is_hodge() {

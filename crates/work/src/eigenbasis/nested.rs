@@ -5,8 +5,8 @@ use chladni_base::Monitor;
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::Basis;
 use chladni_spectral::operator::{Laplacian, MassKind, MeshOperator, OperatorKind, OperatorParameters, graph};
-use chladni_spectral::spectrum::hsim::{Variant, Wanted};
-use chladni_spectral::spectrum::nested::Places;
+use chladni_spectral::spectrum::hsim::{Selection, Variant};
+use chladni_spectral::spectrum::nested::RowPositions;
 use chladni_spectral::spectrum::{Domain, Space};
 
 use super::{Approximate, Auto, Exact, Method, StorageKind, value};
@@ -56,11 +56,11 @@ pub fn check(method: &Method, parameters: &OperatorParameters) -> Result<(), Par
         OperatorKind::Volume => "needs one of the methods \"hsim\" and \"approximate\"",
         _ => "needs the method \"hsim\"",
     };
-    let refusal = match (exact.solver.variant, exact.solver.wanted, exact.storage) {
+    let refusal = match (exact.solver.variant, exact.solver.selection, exact.storage) {
         (Variant::Random | Variant::Bathe, _, _) => Some(("method", methods)),
         (Variant::Published, _, _) => Some(("variant", "needs the variant \"sliced\"")),
-        (_, Wanted::Below { .. }, _) => Some(("below", "needs a count, not a bound")),
-        (_, Wanted::Between { .. }, _) => Some(("between", "needs a count, not an interval")),
+        (_, Selection::Below { .. }, _) => Some(("below", "needs a count, not a bound")),
+        (_, Selection::Between { .. }, _) => Some(("between", "needs a count, not an interval")),
         (_, _, StorageKind::Compact) => Some(("storage", "has its eigenfunctions stored densely")),
         _ if exact.solver.levels.is_some() => Some(("levels", "has levels of its own")),
         _ if exact.solver.sigma.is_some() => Some(("sigma", "has levels of its own")),
@@ -153,8 +153,8 @@ pub fn run(
     monitor: &dyn Monitor,
 ) -> Result<Basis, JobError> {
     let (places, vertices) = match (operator.report.laplacian, solid) {
-        (Laplacian::Volume, Some(solid)) => (Places::Positions(&solid.positions), solid.positions.len()),
-        _ => (Places::Nowhere, mesh.positions.len()),
+        (Laplacian::Volume, Some(solid)) => (RowPositions::Positions(&solid.positions), solid.positions.len()),
+        _ => (RowPositions::Nowhere, mesh.positions.len()),
     };
     exact.run_nested(operator, places, vertices, seed, monitor)
 }

@@ -6,10 +6,10 @@ use chladni_base::Monitor;
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::operator::LaplacianByRows;
 use chladni_spectral::spectrum::approximate_parts::{self, ROWS_AT_ONCE, ROWS_OF_PIECE};
-use chladni_spectral::spectrum::hsim::{HsimParameters, Wanted};
+use chladni_spectral::spectrum::hsim::{HsimParameters, Selection};
 
 use super::approximation::panels_at_once;
-use super::parts::BESIDE;
+use super::parts::EXTRA_PAIRS;
 use super::{Approximate, EigenbasisParameters, Exact, MOST_PARTS, Method};
 use crate::{JobError, JobParameters, MeshSize};
 
@@ -75,8 +75,8 @@ impl JobParameters {
                 return Self::Eigenbasis(EigenbasisParameters { parts: None, ..parameters.clone() }).memory_bytes(mesh);
             }
         };
-        let share = exact.most_pairs().div_ceil(parts.get()) + BESIDE;
-        let solver = HsimParameters { wanted: Wanted::Count(share.min(exact.most_pairs())), ..exact.solver };
+        let share = exact.most_pairs().div_ceil(parts.get()) + EXTRA_PAIRS;
+        let solver = HsimParameters { selection: Selection::Count(share.min(exact.most_pairs())), ..exact.solver };
         let method = Method::Exact(Exact { solver, ..exact.clone() });
         let of_part = EigenbasisParameters { method, parts: None, ..parameters.clone() };
         Self::Eigenbasis(of_part).memory_bytes(mesh)

@@ -11,7 +11,7 @@ use chladni_spectral::basis::{Basis, EIGENBASIS_PART, Part, Product};
 use chladni_spectral::operator::{LaplacianByRows, MassKind, MeshOperator, OperatorKind};
 use chladni_spectral::spectrum::approximate_parts;
 use chladni_spectral::spectrum::hsim::parts::{PartError, Parted};
-use chladni_spectral::spectrum::hsim::{HsimParameters, Variant, Wanted};
+use chladni_spectral::spectrum::hsim::{HsimParameters, Selection, Variant};
 
 use serde_json::{Value, json};
 
@@ -21,7 +21,7 @@ use super::{Approximate, EigenbasisParameters, Exact, Method, Parts, StorageKind
 use crate::{JobError, JobParameters, MeshSize, Outcome, ParameterError, SOLVER_VERSION, hash_of};
 
 /// Pairs that slices have beyond their share, those of their neighbours and guards.
-pub(super) const BESIDE: usize = 64;
+pub(super) const EXTRA_PAIRS: usize = 64;
 
 /// A part that was made.
 #[derive(Debug)]
@@ -39,10 +39,10 @@ impl EigenbasisParameters {
     /// The same job, divided.
     pub(super) fn in_parts(mut self, parts: Parts) -> Result<Self, ParameterError> {
         self.parts = match self.divisible()? {
-            Divisible::Spectrum(exact) => parts.checked(match exact.solver.wanted {
-                Wanted::Count(count) => Some(count),
+            Divisible::Spectrum(exact) => parts.checked(match exact.solver.selection {
+                Selection::Count(count) => Some(count),
                 // How many there are is not known before they are counted.
-                Wanted::Below { .. } | Wanted::Between { .. } => None,
+                Selection::Below { .. } | Selection::Between { .. } => None,
             })?,
             // How many parts the surface makes is not known before it is there.
             Divisible::Surface(_) => parts.checked(None)?,
@@ -93,7 +93,7 @@ impl EigenbasisParameters {
             return 2 * 8 * 50 * vertices as u64;
         }
         let parts = parts.number().map_or(2, NonZeroUsize::get);
-        let share = (self.most_pairs().div_ceil(parts) + BESIDE).min(vertices);
+        let share = (self.most_pairs().div_ceil(parts) + EXTRA_PAIRS).min(vertices);
         2 * 8 * (vertices * share) as u64
     }
 

@@ -11,7 +11,7 @@ use serde_json::json;
 use super::*;
 use crate::JobParameters;
 
-fn kept(positions: Vec<[f64; 3]>) -> TriangleMesh {
+fn point_mesh(positions: Vec<[f64; 3]>) -> TriangleMesh {
     let raw = RawMesh { positions, ..RawMesh::default() };
     check_body(raw, &CheckOptions::default()).unwrap().surface.mesh
 }
@@ -40,7 +40,7 @@ fn sphere(n: usize, shake: f64) -> Vec<[f64; 3]> {
 #[test]
 fn a_sphere_of_points_has_the_eigenvalues_of_the_sphere() {
     for shake in [0.0, 1.0] {
-        let mesh = kept(sphere(4000, shake));
+        let mesh = point_mesh(sphere(4000, shake));
         assert!(are_points(&mesh));
         let found = values(&mesh, &json!({"method": "hsim", "count": 36, "tolerance": 1e-8}));
         for (k, value) in found.iter().enumerate() {
@@ -59,14 +59,14 @@ fn points_of_a_mesh_have_its_eigenvalues_in_any_order_by_both_methods() {
     let mesh = generate(Shape::Torus, 6000).unwrap();
     let exact = json!({"method": "hsim", "count": 60, "tolerance": 1e-8});
     let wanted = values(&mesh, &exact);
-    let found = values(&kept(mesh.positions.clone()), &exact);
+    let found = values(&point_mesh(mesh.positions.clone()), &exact);
     for (found, wanted) in found.iter().zip(&wanted).skip(1) {
         assert!((found / wanted - 1.0).abs() < 0.02, "{found} for {wanted}");
     }
     let mut turned = mesh.positions;
     let mut random = SplitMix64::new(1);
     (1..turned.len()).rev().for_each(|k| turned.swap(k, (random.unit() * (k + 1) as f64) as usize));
-    let turned = kept(turned);
+    let turned = point_mesh(turned);
     for (a, b) in values(&turned, &exact).iter().zip(&found).skip(1) {
         assert!((a / b - 1.0).abs() < 1e-9, "{a} {b}");
     }
@@ -85,7 +85,7 @@ fn points_of_a_mesh_have_its_eigenvalues_in_any_order_by_both_methods() {
 
 #[test]
 fn jobs_that_need_faces_are_refused_and_memory_is_promised() {
-    let mesh = kept(sphere(500, 0.5));
+    let mesh = point_mesh(sphere(500, 0.5));
     let size = MeshSize::from(&mesh);
     for (kind, parameters) in
         [("field_basis", json!({})), ("operator_family", json!({})), ("vibration_basis", json!({"thickness": 0.01}))]

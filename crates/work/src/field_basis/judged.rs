@@ -39,7 +39,7 @@ impl Judging {
     /// For what a job says, on so many faces of `block` numbers, in a space of a dimension.
     pub fn new(said: Option<usize>, block: usize, faces: usize, dimension: usize) -> Self {
         let numbers = block * faces;
-        let of = |wanted: usize| Self { wanted, together: LowestFields::together(wanted, dimension), numbers };
+        let of = |wanted: usize| Self { wanted, together: LowestFields::block_size(wanted, dimension), numbers };
         let usual = || (1..=USUAL).rev().find(|&wanted| of(wanted).bytes() <= USUAL_BYTES).unwrap_or(1);
         match said.unwrap_or_else(usual).min(dimension) {
             0 => Self { wanted: 0, together: 0, numbers },

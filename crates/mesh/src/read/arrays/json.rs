@@ -5,7 +5,7 @@ use std::fmt;
 use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
 
 use super::super::builder::Builder;
-use super::super::error::{Place, ReadError};
+use super::super::error::{FileLocation, ReadError};
 use super::super::{MeshFormat, RawMesh, ReadLimits};
 use super::{finish, wrong};
 
@@ -13,7 +13,7 @@ use super::{finish, wrong};
 pub fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
     let mut reader = Reader { builder: Builder::new(limits), refused: None, seen: Vec::new() };
     let mut json = serde_json::Deserializer::from_slice(bytes);
-    let read = Whole(&mut reader).deserialize(&mut json).and_then(|()| json.end());
+    let read = RootSeed(&mut reader).deserialize(&mut json).and_then(|()| json.end());
     match (reader.refused, read) {
         (Some(refused), _) => Err(refused),
         (None, Err(error)) => Err(wrong(MeshFormat::Json, message(&error))),
@@ -50,7 +50,7 @@ impl Reader<'_> {
 }
 
 /// The object.
-struct Whole<'r, 'l>(&'r mut Reader<'l>);
+struct RootSeed<'r, 'l>(&'r mut Reader<'l>);
 
 /// One of its lists.
 struct List<'r, 'l>(&'r mut Reader<'l>, &'static str);
@@ -58,14 +58,14 @@ struct List<'r, 'l>(&'r mut Reader<'l>, &'static str);
 /// One entry of a list.
 struct Entry<'r, 'l>(&'r mut Reader<'l>, &'static str);
 
-impl<'de> DeserializeSeed<'de> for Whole<'_, '_> {
+impl<'de> DeserializeSeed<'de> for RootSeed<'_, '_> {
     type Value = ();
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
         deserializer.deserialize_map(self)
     }
 }
 
-impl<'de> Visitor<'de> for Whole<'_, '_> {
+impl<'de> Visitor<'de> for RootSeed<'_, '_> {
     type Value = ();
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -137,7 +137,7 @@ impl<'de> Visitor<'de> for Entry<'_, '_> {
             }
             "faces" => {
                 while let Some(corner) = list.next_element::<u32>()? {
-                    let taken = reader.builder.corner(corner, Place::Byte(0));
+                    let taken = reader.builder.corner(corner, FileLocation::Byte(0));
                     reader.take(taken)?;
                 }
                 reader.builder.end_polygon();

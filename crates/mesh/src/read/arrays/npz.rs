@@ -9,7 +9,7 @@ use flate2::bufread::DeflateDecoder;
 use zip::{CompressionMethod, ZipArchive};
 
 use super::super::builder::Builder;
-use super::super::error::{Place, ReadError, shorten};
+use super::super::error::{FileLocation, ReadError, shorten};
 use super::super::{MeshFormat, RawMesh, ReadLimits};
 use super::{finish, wrong};
 use crate::npy::NpyHeader;
@@ -39,7 +39,7 @@ pub fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
         builder.expect_faces(rows as u64, rows as u64, rows as u64)?;
         for row in 0..rows {
             for column in 0..faces.shape[1] {
-                builder.corner(faces.index(row, column)?, Place::Byte(0))?;
+                builder.corner(faces.index(row, column)?, FileLocation::Byte(0))?;
             }
             builder.end_polygon();
         }

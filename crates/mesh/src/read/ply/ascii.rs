@@ -48,10 +48,10 @@ impl Body<'_> {
             }
             let Kind::List { .. } = property.kind else {
                 match role {
-                    Role::Vertices(places) if places.contains(&at) => {
+                    Role::Vertices(columns) if columns.contains(&at) => {
                         let value = self.text.float("a coordinate")?;
-                        for (coordinate, &place) in position.iter_mut().zip(&places) {
-                            if place == at {
+                        for (coordinate, &column) in position.iter_mut().zip(&columns) {
+                            if column == at {
                                 *coordinate = value;
                             }
                         }
@@ -69,13 +69,13 @@ impl Body<'_> {
                 if !self.text.any() {
                     return Err(truncated());
                 }
-                let place = self.text.place();
+                let location = self.text.location();
                 if is_face {
                     let index = self.text.integer("a vertex index")?;
-                    builder.corner(zero_based_index(index, self.vertices, "face", number, place)?, place)?;
+                    builder.corner(zero_based_index(index, self.vertices, "face", number, location)?, location)?;
                 } else if let Some(strip) = &mut strip {
                     let index = self.text.integer("a vertex index")?;
-                    strip.corner(index, self.vertices, number, place, builder)?;
+                    strip.corner(index, self.vertices, number, location, builder)?;
                 } else {
                     self.text.token();
                 }

@@ -4,7 +4,7 @@ use super::super::builder::{Builder, zero_based_index};
 use super::super::error::shorten;
 use super::header::{Element, Header, Kind, Type};
 use super::strip::Strip;
-use super::{Place, Plan, ReadError, Role};
+use super::{FileLocation, Plan, ReadError, Role};
 
 pub fn read<const BIG: bool>(
     bytes: &[u8],
@@ -25,15 +25,15 @@ pub fn read<const BIG: bool>(
             return Err(ReadError::CountExceedsFile { element, declared, possible });
         }
         match role {
-            Role::Vertices(places) => {
+            Role::Vertices(columns) => {
                 builder.expect_vertices(element.count, possible)?;
                 if element.is_fixed() {
-                    body.fixed_vertices(element, places, builder)?;
+                    body.fixed_vertices(element, columns, builder)?;
                     continue;
                 }
             }
-            Role::Faces(place) => {
-                let item = match element.properties[place].kind {
+            Role::Faces(column) => {
+                let item = match element.properties[column].kind {
                     Kind::List { item, .. } => item.size() as u64,
                     Kind::Scalar(_) => 0,
                 };
@@ -89,8 +89,8 @@ struct Body<'a, const BIG: bool> {
 }
 
 impl<const BIG: bool> Body<'_, BIG> {
-    fn place(&self) -> Place {
-        Place::Byte(self.at)
+    fn location(&self) -> FileLocation {
+        FileLocation::Byte(self.at)
     }
 
     /// The next number, or nothing where the file ends.
@@ -101,11 +101,11 @@ impl<const BIG: bool> Body<'_, BIG> {
     }
 
     /// A number as an integer; every integer type fits, and of the floating-point ones the whole numbers do.
-    fn integer(value: f64, place: Place, expected: &'static str) -> Result<i64, ReadError> {
+    fn integer(value: f64, location: FileLocation, expected: &'static str) -> Result<i64, ReadError> {
         if value.fract() == 0.0 && value.abs() < 9e15 {
             Ok(value as i64)
         } else {
-            Err(ReadError::NotANumber { place, token: shorten(value.to_string().as_bytes()), expected })
+            Err(ReadError::NotANumber { location, token: shorten(value.to_string().as_bytes()), expected })
         }
     }
 
@@ -113,7 +113,7 @@ impl<const BIG: bool> Body<'_, BIG> {
     fn fixed_vertices(
         &mut self,
         element: &Element,
-        places: [usize; 3],
+        columns: [usize; 3],
         builder: &mut Builder,
     ) -> Result<(), ReadError> {
         let stride = element.least_size() as usize;
@@ -121,8 +121,8 @@ impl<const BIG: bool> Body<'_, BIG> {
         let mut offset = 0;
         for (at, property) in element.properties.iter().enumerate() {
             if let Kind::Scalar(kind) = property.kind {
-                for (field, &place) in fields.iter_mut().zip(&places) {
-                    if place == at {
+                for (field, &column) in fields.iter_mut().zip(&columns) {
+                    if column == at {
                         *field = (offset, kind);
                     }
                 }
@@ -165,9 +165,9 @@ impl<const BIG: bool> Body<'_, BIG> {
             match property.kind {
                 Kind::Scalar(kind) => {
                     let value = self.next(kind).ok_or_else(|| truncated(element, number))?;
-                    if let Role::Vertices(places) = role {
-                        for (coordinate, &place) in position.iter_mut().zip(&places) {
-                            if place == at {
+                    if let Role::Vertices(columns) = role {
+                        for (coordinate, &column) in position.iter_mut().zip(&columns) {
+                            if column == at {
                                 *coordinate = value;
                             }
                         }
@@ -193,11 +193,11 @@ impl<const BIG: bool> Body<'_, BIG> {
         builder: &mut Builder,
     ) -> Result<(), ReadError> {
         let Kind::List { length: length_type, item } = kind else { return Ok(()) };
-        let place = self.place();
+        let location = self.location();
         let length = self.next(length_type).ok_or_else(|| truncated(element, number))?;
-        let length = Self::integer(length, place, "the length of a list")?;
+        let length = Self::integer(length, location, "the length of a list")?;
         let count = usize::try_from(length).map_err(|_| ReadError::InvalidCount {
-            place,
+            location,
             count: length,
             element: "list items",
         })?;
@@ -213,12 +213,12 @@ impl<const BIG: bool> Body<'_, BIG> {
             return Ok(());
         }
         for _ in 0..count {
-            let place = self.place();
+            let location = self.location();
             let value = self.next(item).ok_or_else(|| truncated(element, number))?;
-            let index = Self::integer(value, place, "a vertex index")?;
+            let index = Self::integer(value, location, "a vertex index")?;
             match &mut strip {
-                Some(strip) => strip.corner(index, self.vertices, number, place, builder)?,
-                None => builder.corner(zero_based_index(index, self.vertices, "face", number, place)?, place)?,
+                Some(strip) => strip.corner(index, self.vertices, number, location, builder)?,
+                None => builder.corner(zero_based_index(index, self.vertices, "face", number, location)?, location)?,
             }
         }
         if is_face {

@@ -2,7 +2,7 @@
 
 use super::super::error::shorten;
 use super::super::text::Text;
-use super::{MeshFormat, Place, ReadError, ReadLimits};
+use super::{FileLocation, MeshFormat, ReadError, ReadLimits};
 
 /// The type of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -70,7 +70,7 @@ pub struct Element {
     pub name: Vec<u8>,
     pub count: u64,
     pub properties: Vec<Property>,
-    pub place: Place,
+    pub location: FileLocation,
 }
 
 impl Element {
@@ -117,28 +117,28 @@ pub struct Header {
 impl Header {
     /// Parses up to the line end after `end_header`. Elements and properties count against the limit on groups.
     pub fn parse(bytes: &[u8], limits: &ReadLimits) -> Result<Self, ReadError> {
-        let wrong = |place, reason| ReadError::Header { format: MeshFormat::Ply, place, reason };
+        let wrong = |location, reason| ReadError::Header { format: MeshFormat::Ply, location, reason };
         if !bytes.starts_with(b"ply") {
-            return Err(wrong(Place::Line(1), "it does not begin with `ply`"));
+            return Err(wrong(FileLocation::Line(1), "it does not begin with `ply`"));
         }
         let mut lines = Lines::new(bytes);
         if lines.next().map(<[u8]>::trim_ascii) != Some(b"ply") {
-            return Err(wrong(Place::Line(1), "it does not begin with `ply`"));
+            return Err(wrong(FileLocation::Line(1), "it does not begin with `ply`"));
         }
         let mut encoding = None;
         let mut elements: Vec<Element> = Vec::new();
         let mut groups = 0usize;
         loop {
             let Some(line) = lines.next() else {
-                return Err(wrong(Place::Line(lines.number), "`end_header` is missing"));
+                return Err(wrong(FileLocation::Line(lines.number), "`end_header` is missing"));
             };
-            let place = Place::Line(lines.number);
+            let location = FileLocation::Line(lines.number);
             let mut words = Words { text: Text::resume(line, 0, lines.number) };
             let keyword = words.next();
             if matches!(keyword, Some(b"element" | b"property")) {
                 groups += 1;
                 if groups > limits.groups {
-                    return Err(ReadError::TooManyGroups { place, limit: limits.groups });
+                    return Err(ReadError::TooManyGroups { location, limit: limits.groups });
                 }
             }
             match keyword {
@@ -155,30 +155,32 @@ impl Header {
                     });
                 }
                 Some(b"element") => {
-                    let name = words.required(place, "the name of an element")?.to_vec();
+                    let name = words.required(location, "the name of an element")?.to_vec();
                     let count = words.text.count("elements")?;
-                    elements.push(Element { name, count, properties: Vec::new(), place });
+                    elements.push(Element { name, count, properties: Vec::new(), location });
                 }
                 Some(b"property") => {
-                    let kind = match words.required(place, "a type")? {
-                        b"list" => Kind::List { length: words.number_type(place)?, item: words.number_type(place)? },
-                        name => Kind::Scalar(number_type(name, place)?),
+                    let kind = match words.required(location, "a type")? {
+                        b"list" => {
+                            Kind::List { length: words.number_type(location)?, item: words.number_type(location)? }
+                        }
+                        name => Kind::Scalar(number_type(name, location)?),
                     };
-                    let name = words.required(place, "the name of a property")?.to_vec();
-                    let element = elements.last_mut().ok_or(wrong(place, "a property before the first element"))?;
+                    let name = words.required(location, "the name of a property")?.to_vec();
+                    let element = elements.last_mut().ok_or(wrong(location, "a property before the first element"))?;
                     element.properties.push(Property { name, kind });
                 }
                 Some(b"end_header") => break,
-                Some(word) => return Err(ReadError::UnexpectedWord { place, token: shorten(word) }),
+                Some(word) => return Err(ReadError::UnexpectedWord { location, token: shorten(word) }),
             }
         }
-        let encoding = encoding.ok_or(wrong(Place::Line(lines.number), "the line `format` is missing"))?;
+        let encoding = encoding.ok_or(wrong(FileLocation::Line(lines.number), "the line `format` is missing"))?;
         Ok(Self { encoding, elements, body: lines.at, body_line: lines.number + 1 })
     }
 }
 
-fn number_type(name: &[u8], place: Place) -> Result<Type, ReadError> {
-    Type::parse(name).ok_or_else(|| ReadError::UnknownType { place, name: shorten(name) })
+fn number_type(name: &[u8], location: FileLocation) -> Result<Type, ReadError> {
+    Type::parse(name).ok_or_else(|| ReadError::UnknownType { location, name: shorten(name) })
 }
 
 /// The words of one line.
@@ -191,12 +193,12 @@ impl<'a> Words<'a> {
         self.text.on_line().then(|| self.text.token())
     }
 
-    fn required(&mut self, place: Place, expected: &'static str) -> Result<&'a [u8], ReadError> {
-        self.next().ok_or(ReadError::MissingValue { place, expected })
+    fn required(&mut self, location: FileLocation, expected: &'static str) -> Result<&'a [u8], ReadError> {
+        self.next().ok_or(ReadError::MissingValue { location, expected })
     }
 
-    fn number_type(&mut self, place: Place) -> Result<Type, ReadError> {
-        number_type(self.required(place, "a type")?, place)
+    fn number_type(&mut self, location: FileLocation) -> Result<Type, ReadError> {
+        number_type(self.required(location, "a type")?, location)
     }
 }
 

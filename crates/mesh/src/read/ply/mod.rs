@@ -10,7 +10,7 @@ mod header;
 mod strip;
 
 use super::builder::Builder;
-use super::error::{Place, ReadError};
+use super::error::{FileLocation, ReadError};
 use super::{MeshFormat, RawMesh, ReadLimits};
 use header::{Element, Encoding, Header, Kind};
 
@@ -50,34 +50,36 @@ impl Plan {
         let mut roles: Vec<Role> = Vec::with_capacity(header.elements.len());
         let mut vertices = None;
         let mut seen = [false; 2];
-        let mut once =
-            |which: usize, element: &'static str, place: Place| match std::mem::replace(&mut seen[which], true) {
-                true => Err(ReadError::DuplicateElement { place, element }),
-                false => Ok(()),
-            };
+        let mut once = |which: usize, element: &'static str, location: FileLocation| match std::mem::replace(
+            &mut seen[which],
+            true,
+        ) {
+            true => Err(ReadError::DuplicateElement { location, element }),
+            false => Ok(()),
+        };
         for element in &header.elements {
             roles.push(match element.name.as_slice() {
                 b"vertex" => {
                     if vertices.is_some() {
-                        return Err(ReadError::DuplicateElement { place: element.place, element: "vertex" });
+                        return Err(ReadError::DuplicateElement { location: element.location, element: "vertex" });
                     }
                     vertices = Some(element.count);
-                    let mut places = [0; 3];
-                    for (place, name) in places.iter_mut().zip(["x", "y", "z"]) {
-                        *place = element
+                    let mut columns = [0; 3];
+                    for (column, name) in columns.iter_mut().zip(["x", "y", "z"]) {
+                        *column = element
                             .find(|property| {
                                 property.name == name.as_bytes() && matches!(property.kind, Kind::Scalar(_))
                             })
                             .ok_or(ReadError::MissingProperty { element: "vertex", property: name })?;
                     }
-                    Role::Vertices(places)
+                    Role::Vertices(columns)
                 }
                 b"face" => {
-                    once(0, "face", element.place)?;
+                    once(0, "face", element.location)?;
                     corner_list(element, "face")?.map_or(Role::Other, Role::Faces)
                 }
                 b"tristrips" => {
-                    once(1, "tristrips", element.place)?;
+                    once(1, "tristrips", element.location)?;
                     corner_list(element, "tristrips")?.map_or(Role::Other, Role::Strips)
                 }
                 _ => Role::Other,
@@ -95,14 +97,14 @@ impl Plan {
 
 /// The place of the list of vertex indices; an element of which there are none needs no list.
 fn corner_list(element: &Element, name: &'static str) -> Result<Option<usize>, ReadError> {
-    let place = element.find(|property| {
+    let column = element.find(|property| {
         matches!(property.name.as_slice(), b"vertex_indices" | b"vertex_index")
             && matches!(property.kind, Kind::List { .. })
     });
-    if place.is_none() && element.count > 0 {
+    if column.is_none() && element.count > 0 {
         return Err(ReadError::MissingProperty { element: name, property: "vertex_indices" });
     }
-    Ok(place)
+    Ok(column)
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Triangle strips.
 
 use super::super::builder::{Builder, zero_based_index};
-use super::{Place, ReadError};
+use super::{FileLocation, ReadError};
 
 /// Follows strips: each corner after the second makes a triangle with the two before it, and every other triangle is
 /// turned round. A negative index begins a new strip.
@@ -19,7 +19,7 @@ impl Strip {
         index: i64,
         vertices: usize,
         number: usize,
-        place: Place,
+        location: FileLocation,
         builder: &mut Builder,
     ) -> Result<(), ReadError> {
         // An unsigned list writes −1 as its largest value.
@@ -27,7 +27,7 @@ impl Strip {
             self.length = 0;
             return Ok(());
         }
-        let vertex = zero_based_index(index, vertices, "strip", number, place)?;
+        let vertex = zero_based_index(index, vertices, "strip", number, location)?;
         if self.length >= 2 && self.older != self.newer && self.older != vertex && self.newer != vertex {
             let turned = self.length % 2 == 1;
             builder.triangle(if turned {

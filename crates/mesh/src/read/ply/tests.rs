@@ -233,12 +233,13 @@ fn bad_bodies_name_the_offender() {
         values.push(("int", corner));
     }
     let [ascii, little, big] = encodings(&header, &values).map(|bytes| read(&bytes).unwrap_err());
-    let expected = |place| ReadError::IndexOutOfRange { element: "face", number: 1, place, index: 7, vertices: 1 };
-    assert_eq!(ascii, expected(Place::Line(10)));
+    let expected =
+        |location| ReadError::IndexOutOfRange { element: "face", number: 1, location, index: 7, vertices: 1 };
+    assert_eq!(ascii, expected(FileLocation::Line(10)));
     for (error, encoding) in [(little, "binary_little_endian"), (big, "binary_big_endian")] {
         // Twelve bytes of vertex, thirteen of face 0, the length and the first corner of face 1.
         let body = format!("ply\nformat {encoding} 1.0\n{header}end_header\n").len();
-        assert_eq!(error, expected(Place::Byte(body + 12 + 13 + 1 + 4)));
+        assert_eq!(error, expected(FileLocation::Byte(body + 12 + 13 + 1 + 4)));
     }
 }
 

@@ -36,7 +36,7 @@ impl CollectionCost {
                 cost.zoom([at(source, standing), at(target, standing)], start, alone, step);
                 cost.zoom([at(source, standing), at(target, standing)], alone, pairs, step);
                 let last = if request.polish {
-                    let begin = polish::kept(pairs);
+                    let begin = polish::polished_size(pairs);
                     cost.zoom([at(source, many), at(target, many)], begin, pairs, 2 * step);
                     pairs
                 } else {

@@ -2,12 +2,12 @@
 
 use chladni_base::parallel::*;
 
-use super::{CollectionMap, Samples, Shape};
+use super::{CollectionMap, CollectionShape, Samples};
 use crate::basis::CycleErrors;
 
 impl CycleErrors {
     /// Walks that begin at the samples of each shape.
-    pub(super) fn new(shapes: &[Shape<'_>], standing: &[Samples], maps: &[CollectionMap]) -> Self {
+    pub(super) fn new(shapes: &[CollectionShape<'_>], standing: &[Samples], maps: &[CollectionMap]) -> Self {
         let n = shapes.len();
         let at = |source: usize, target: usize| {
             // By source, then by target, without those to itself.

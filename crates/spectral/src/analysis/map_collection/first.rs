@@ -2,7 +2,7 @@
 
 use chladni_algebra::{DenseMatrix, solve_definite};
 
-use super::known::Known;
+use super::known::ShapeSignatures;
 use crate::analysis::error::AnalysisError;
 use crate::analysis::functional_map::matching::transposed;
 
@@ -15,7 +15,11 @@ const TURNS: f64 = 1.0;
 
 /// `argmin` of `a ‖C A − B‖² + b ‖M ∘ C‖² + c Σ ‖C X − Y C‖²` over `k × k` matrices, with the resolvent mask `M` of Ren
 /// et al. 2019.
-pub(super) fn map(from: &Known<'_>, to: &Known<'_>, oriented: bool) -> Result<DenseMatrix, AnalysisError> {
+pub(super) fn map(
+    from: &ShapeSignatures<'_>,
+    to: &ShapeSignatures<'_>,
+    oriented: bool,
+) -> Result<DenseMatrix, AnalysisError> {
     let k = from.signatures.rows();
     let mut system = DenseMatrix::zeros(k * k, k * k);
     // Unknown c k + r is the entry in row r and column c.

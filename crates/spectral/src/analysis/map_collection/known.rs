@@ -4,7 +4,7 @@ use chladni_algebra::DenseMatrix;
 use chladni_base::Vector3;
 use chladni_mesh::TriangleMesh;
 
-use super::{CollectionRequest, Shape, Side};
+use super::{CollectionRequest, CollectionShape, Side};
 use crate::analysis::error::AnalysisError;
 use crate::analysis::signature::Signature;
 
@@ -13,7 +13,7 @@ const ENERGIES: usize = 100;
 const EVERY: usize = 5;
 
 /// Signatures of a shape at unit area, in its first `k` modes.
-pub(super) struct Known<'a> {
+pub(super) struct ShapeSignatures<'a> {
     /// Which shape of the collection it is.
     pub place: usize,
     pub side: Side<'a>,
@@ -25,8 +25,8 @@ pub(super) struct Known<'a> {
     pub turns: Vec<DenseMatrix>,
 }
 
-impl<'a> Known<'a> {
-    pub fn new(place: usize, shape: Shape<'a>, request: &CollectionRequest) -> Result<Self, AnalysisError> {
+impl<'a> ShapeSignatures<'a> {
+    pub fn new(place: usize, shape: CollectionShape<'a>, request: &CollectionRequest) -> Result<Self, AnalysisError> {
         let side = Side::new(shape.basis, Vec::new())?;
         let values = signatures(&side)?;
         let n = side.masses.len();

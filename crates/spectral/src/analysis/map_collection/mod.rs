@@ -23,7 +23,7 @@ use chladni_base::parallel::*;
 use chladni_mesh::TriangleMesh;
 
 pub use self::cost::CollectionCost;
-use self::known::Known;
+use self::known::ShapeSignatures;
 use self::latent::Latent;
 use super::error::{self, AnalysisError};
 use super::functional_map::matching::{Embedded, Match, Standing, map_of_points, zoom_out};
@@ -50,7 +50,7 @@ const ALONE: usize = 50;
 
 /// A shape: a basis, and the surface that it belongs to.
 #[derive(Debug, Clone, Copy)]
-pub struct Shape<'a> {
+pub struct CollectionShape<'a> {
     /// The basis.
     pub basis: &'a Basis,
     /// The mesh of it: oriented derivatives need its faces, and cycles its positions.
@@ -127,19 +127,19 @@ type Maps = Vec<((usize, usize), DenseMatrix)>;
 /// # Errors
 /// [`AnalysisError`] names a size out of its range, or a shape whose mesh does not fit or whose spectrum tells nothing.
 pub fn map_collection(
-    shapes: &[Shape<'_>],
+    shapes: &[CollectionShape<'_>],
     request: &CollectionRequest,
     monitor: &dyn Monitor,
 ) -> Result<MapCollection, AnalysisError> {
     check(shapes, request)?;
     monitor.stage("descriptors");
     let places: Vec<usize> = (0..shapes.len()).collect();
-    let known = each(&places, monitor, |&place| Known::new(place, shapes[place], request))?;
+    let known = each(&places, monitor, |&place| ShapeSignatures::new(place, shapes[place], request))?;
     let standing = each(&known, monitor, |known| known.standing(request))?;
     monitor.stage("first_maps");
     let pairs: Vec<(usize, usize)> = ordered_pairs(shapes.len()).collect();
     let alone = request.pairs.min(ALONE.max(request.start));
-    let mut maps: Maps = each_told(&pairs, monitor, |&(source, target)| {
+    let mut maps: Maps = each_with_progress(&pairs, monitor, |&(source, target)| {
         let map = first::map(&known[source], &known[target], request.oriented)?;
         let (map, _) = zoom_out(&standing[source].all, &standing[target].all, map, alone, request.step)?;
         Ok(((source, target), map))
@@ -167,26 +167,26 @@ pub fn map_collection(
     let made = match request.polish {
         true => {
             let many = each(&known, monitor, |known| polish::standing(&known.side, request))?;
-            each_told(&pairs, monitor, |&(source, target)| {
+            each_with_progress(&pairs, monitor, |&(source, target)| {
                 let end = |place: usize| (&known[place].side, &many[place]);
                 polish::map(end(source), end(target), &latent.map(source, target)?, request)
             })?
         }
         false => {
             let embedded = each(&known, monitor, |known| known.embedded(&latent.embedding(known.place)?))?;
-            each_told(&pairs, monitor, |&(source, target)| {
+            each_with_progress(&pairs, monitor, |&(source, target)| {
                 Ok((latent.map(source, target)?, embedded[source].nearest(&embedded[target], &[])))
             })?
         }
     };
-    let told = |(&(source, target), (matrix, found)): (&(usize, usize), (DenseMatrix, Vec<Match>))| CollectionMap {
+    let finished = |(&(source, target), (matrix, found)): (&(usize, usize), (DenseMatrix, Vec<Match>))| CollectionMap {
         source,
         target,
         matrix,
         to_source: PointMap::of_all(&found),
         disagreement: latent.disagreement(source, target),
     };
-    let maps: Vec<CollectionMap> = pairs.iter().zip(made).map(told).collect();
+    let maps: Vec<CollectionMap> = pairs.iter().zip(made).map(finished).collect();
     let cycles = CycleErrors::new(shapes, &standing, &maps);
     Ok(MapCollection { maps, cycles })
 }
@@ -219,7 +219,7 @@ fn each<A: Sync, B: Send>(
 }
 
 /// The same, where they are all of a stage.
-fn each_told<A: Sync, B: Send>(
+fn each_with_progress<A: Sync, B: Send>(
     of: &[A],
     monitor: &dyn Monitor,
     make: impl Fn(&A) -> Result<B, AnalysisError> + Sync,
@@ -232,9 +232,9 @@ fn each_told<A: Sync, B: Send>(
     })
 }
 
-fn check(shapes: &[Shape<'_>], request: &CollectionRequest) -> Result<(), AnalysisError> {
+fn check(shapes: &[CollectionShape<'_>], request: &CollectionRequest) -> Result<(), AnalysisError> {
     let mut sizes = Vec::with_capacity(shapes.len());
-    for Shape { basis, mesh } in shapes {
+    for CollectionShape { basis, mesh } in shapes {
         if basis.vertices() != mesh.positions.len() {
             return Err(AnalysisError::Mesh { basis: basis.vertices(), mesh: mesh.positions.len() });
         }
@@ -262,7 +262,7 @@ pub fn check_sizes(shapes: &[ShapeSize], request: &CollectionRequest) -> Result<
     error::count("matches", vertices.saturating_mul(shapes.len() - 1), 1, MOST_MATCHES)
 }
 
-impl<'a> Known<'a> {
+impl<'a> ShapeSignatures<'a> {
     fn standing(&self, request: &CollectionRequest) -> Result<Samples, AnalysisError> {
         let vertices = self.side.samples(request.samples);
         let all = Standing::new(self.side.at(&vertices, request.pairs, "sample")?)?;

@@ -18,7 +18,7 @@ pub(super) fn samples(request: &CollectionRequest) -> usize {
 }
 
 /// The size of what is kept of a consistent map of `size`.
-pub(super) fn kept(size: usize) -> usize {
+pub(super) fn polished_size(size: usize) -> usize {
     ((KEPT * size as f64) as usize).max(1)
 }
 
@@ -35,7 +35,7 @@ pub(super) fn map(
     consistent: &DenseMatrix,
     request: &CollectionRequest,
 ) -> Result<(DenseMatrix, Vec<Match>), AnalysisError> {
-    let size = kept(consistent.rows());
+    let size = polished_size(consistent.rows());
     let mut map = DenseMatrix::zeros(size, size);
     for column in 0..size {
         map.column_mut(column).copy_from_slice(&consistent.column(column)[..size]);

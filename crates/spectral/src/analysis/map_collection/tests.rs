@@ -47,7 +47,8 @@ fn request() -> CollectionRequest {
 
 fn collection(meshes: &[TriangleMesh], request: &CollectionRequest) -> MapCollection {
     let bases: Vec<Basis> = meshes.iter().map(|mesh| basis(mesh, 60)).collect();
-    let shapes: Vec<Shape<'_>> = bases.iter().zip(meshes).map(|(basis, mesh)| Shape { basis, mesh }).collect();
+    let shapes: Vec<CollectionShape<'_>> =
+        bases.iter().zip(meshes).map(|(basis, mesh)| CollectionShape { basis, mesh }).collect();
     map_collection(&shapes, request, &Unwatched).unwrap()
 }
 
@@ -195,8 +196,8 @@ fn what_does_not_fit_is_named() {
     let basis = basis(&mesh, 30);
     let other = chain(90, 30);
     let points = TriangleMesh { positions: mesh.positions.clone(), faces: Vec::new(), ..Default::default() };
-    let shape = Shape { basis: &basis, mesh: &mesh };
-    let said = |shapes: &[Shape<'_>], request: CollectionRequest| {
+    let shape = CollectionShape { basis: &basis, mesh: &mesh };
+    let said = |shapes: &[CollectionShape<'_>], request: CollectionRequest| {
         map_collection(shapes, &request, &Unwatched).unwrap_err().to_string()
     };
     let small = CollectionRequest { start: 10, pairs: 20, samples: 100, ..request() };
@@ -213,9 +214,9 @@ fn what_does_not_fit_is_named() {
         said(&[shape; 2], CollectionRequest { step: 0, ..small.clone() }).starts_with("step must be between 1 and ")
     );
     assert!(said(&[shape; 2], CollectionRequest { samples: 3, ..small.clone() }).ends_with(", got 3"));
-    let wrong = Shape { basis: &other, mesh: &mesh };
+    let wrong = CollectionShape { basis: &other, mesh: &mesh };
     assert_eq!(said(&[shape, wrong], small.clone()), "the basis has 90 vertices and the mesh 100");
-    let bare = Shape { basis: &basis, mesh: &points };
+    let bare = CollectionShape { basis: &basis, mesh: &points };
     assert!(map_collection(&[shape, bare], &small, &Unwatched).is_err());
     let blind = CollectionRequest { oriented: false, ..small };
     assert!(map_collection(&[shape, bare], &blind, &Unwatched).is_ok());
@@ -225,8 +226,9 @@ fn what_does_not_fit_is_named() {
 fn what_a_collection_costs_is_what_is_counted() {
     let meshes = [figure(), shuffled(&figure(), 3).0, figure()];
     let bases: Vec<Basis> = meshes.iter().map(|mesh| basis(mesh, 40)).collect();
-    let shapes: Vec<Shape<'_>> = bases.iter().zip(&meshes).map(|(basis, mesh)| Shape { basis, mesh }).collect();
-    let size = |shape: &Shape<'_>| ShapeSize {
+    let shapes: Vec<CollectionShape<'_>> =
+        bases.iter().zip(&meshes).map(|(basis, mesh)| CollectionShape { basis, mesh }).collect();
+    let size = |shape: &CollectionShape<'_>| ShapeSize {
         vertices: shape.basis.vertices(),
         faces: shape.mesh.faces.len(),
         pairs: shape.basis.count(),

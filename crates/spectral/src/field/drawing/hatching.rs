@@ -235,7 +235,7 @@ impl Pencil<'_> {
         let low = if level == 0 { 0.0 } else { 0.5 * high };
         let needed = (density - low) / (high - low);
         // Not all lines of a level begin at the same darkness, or their ends would draw a line.
-        let late = 0.3 * chance(number, level);
+        let late = 0.3 * uniform_number(number, level);
         if self.style.swelling {
             let swell = ((needed - late) / (1.0 - late)).clamp(0.0, 1.0);
             let width = self.stroke * (0.25 + 0.75 * swell) * (0.85 + 0.4 * darkness);
@@ -305,7 +305,7 @@ impl Pencil<'_> {
 }
 
 /// A number from 0 to 1 for each line.
-fn chance(number: u64, level: u32) -> f64 {
+fn uniform_number(number: u64, level: u32) -> f64 {
     chladni_base::SplitMix64::new(number ^ (u64::from(level) << 40)).unit()
 }
 

@@ -35,7 +35,7 @@ impl VertexOrder {
     /// [`QuadError::Factor`].
     pub fn new(surface: &FieldSurface) -> Result<Self, QuadError> {
         let vertices = surface.mesh().positions.len();
-        let (offsets, indices) = beside(surface);
+        let (offsets, indices) = vertex_neighbours(surface);
         let large = vertices > LARGE;
         let neighbours = Neighbours { offsets: &offsets, indices: &indices };
         if let Some(order) = large.then(|| dissected(&surface.mesh().positions, &neighbours)).flatten() {
@@ -54,7 +54,7 @@ impl VertexOrder {
 }
 
 /// The neighbours of each vertex, itself included, ascending: where those of each begin, and all of them.
-fn beside(surface: &FieldSurface) -> (Vec<usize>, Vec<u32>) {
+fn vertex_neighbours(surface: &FieldSurface) -> (Vec<usize>, Vec<u32>) {
     let vertices = surface.mesh().positions.len();
     let edges = surface.dual().edge_count();
     let both: Vec<[u32; 2]> = (0..edges).map(|edge| ends(surface, edge)).collect();
@@ -239,7 +239,7 @@ fn turned_over(coordinates: &[[Complex64; 3]]) -> Vec<u32> {
 /// that would be 1 and 0.
 fn map(parts: &Parts, face: usize, coordinates: &[Complex64; 3]) -> [Complex64; 2] {
     // From two edges, each with what it should be and what it is.
-    let [e, f] = [1, 2].map(|k| parts.wanted(face, k));
+    let [e, f] = [1, 2].map(|k| parts.target_change(face, k));
     let [p, q] = [1, 2].map(|k: usize| coordinates[(k + 2) % 3] - coordinates[(k + 1) % 3]);
     // a e + b ē = p, a f + b f̄ = q.
     let determinant = 2.0 * (e.im * f.re - e.re * f.im);

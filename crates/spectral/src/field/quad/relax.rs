@@ -9,7 +9,7 @@
 use chladni_base::{Cancelled, Monitor};
 
 use super::system::Parts;
-use super::untangle::{Held, doubled, turn};
+use super::untangle::{FixedCoordinates, doubled, turn};
 use crate::operator::frames::{Complex64, inner};
 
 /// Rings of faces around a face that is turned over.
@@ -34,7 +34,7 @@ const MOST_FACES: usize = 64;
 /// A vertex of a patch with its corners.
 struct Free {
     vertex: u32,
-    held: Held,
+    held: FixedCoordinates,
     corners: Vec<u32>,
 }
 
@@ -47,7 +47,7 @@ const MOST_PATCHES: usize = 200;
 /// [`Cancelled`], when asked to stop.
 pub(super) fn relax(
     parts: &Parts,
-    held: &[Held],
+    held: &[FixedCoordinates],
     solution: &mut [f64],
     coordinates: &mut [[Complex64; 3]],
     inverted: &[u32],
@@ -115,7 +115,7 @@ fn patch(parts: &Parts, face: u32) -> Vec<u32> {
 }
 
 /// The vertices all of whose faces belong to a patch, and that may move.
-fn free(parts: &Parts, held: &[Held], patch: &[u32]) -> Vec<Free> {
+fn free(parts: &Parts, held: &[FixedCoordinates], patch: &[u32]) -> Vec<Free> {
     let (mesh, dual) = (parts.surface.mesh(), parts.surface.dual());
     let mut vertices: Vec<u32> = patch.iter().flat_map(|&face| mesh.faces[face as usize]).collect();
     vertices.sort_unstable();

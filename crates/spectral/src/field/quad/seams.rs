@@ -13,10 +13,10 @@ use super::super::surface::FieldSurface;
 use super::{Combed, QuadError};
 
 /// A complex number of whole parts.
-pub(super) type Whole = [i32; 2];
+pub(super) type GaussianInteger = [i32; 2];
 
 /// `i^quarters` times a number.
-pub(super) fn quarter_turned([x, y]: Whole, quarters: i32) -> Whole {
+pub(super) fn quarter_turned([x, y]: GaussianInteger, quarters: i32) -> GaussianInteger {
     match quarters.rem_euclid(4) {
         0 => [x, y],
         1 => [-y, x],
@@ -26,7 +26,7 @@ pub(super) fn quarter_turned([x, y]: Whole, quarters: i32) -> Whole {
 }
 
 /// Translations with their factors.
-pub(super) type Shifts = Vec<(u32, Whole)>;
+pub(super) type Shifts = Vec<(u32, GaussianInteger)>;
 
 /// The seams of a cut surface.
 pub(super) struct Seams {
@@ -37,7 +37,7 @@ pub(super) struct Seams {
     /// For corners where there are any, the translations with their factors.
     pub shifts: HashMap<u32, Shifts>,
     /// For nodes: the factor of the coordinates of the vertex, and those of translations, that add up to zero.
-    pub closures: Vec<(u32, Whole, Shifts)>,
+    pub closures: Vec<(u32, GaussianInteger, Shifts)>,
     /// Whether a vertex lies on the cut.
     pub on_cut: Vec<bool>,
 }
@@ -81,7 +81,7 @@ impl Seams {
         for vertex in (0..vertices as u32).filter(|&v| seams.on_cut[v as usize]) {
             let closed = dual.fan(mesh, vertex, &mut corners);
             let mut quarters = 0i32;
-            let mut shifts: Vec<(u32, Whole)> = Vec::new();
+            let mut shifts: Vec<(u32, GaussianInteger)> = Vec::new();
             for (at, &corner) in corners.iter().enumerate() {
                 seams.quarters[corner as usize] = quarters.rem_euclid(4) as u8;
                 if !shifts.is_empty() {
@@ -116,7 +116,7 @@ impl Seams {
     }
 }
 
-fn add(shifts: &mut Vec<(u32, Whole)>, seam: u32, factor: Whole) {
+fn add(shifts: &mut Vec<(u32, GaussianInteger)>, seam: u32, factor: GaussianInteger) {
     match shifts.iter_mut().find(|shift| shift.0 == seam) {
         Some(shift) => shift.1 = [shift.1[0] + factor[0], shift.1[1] + factor[1]],
         None => shifts.push((seam, factor)),

@@ -10,7 +10,7 @@ use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor, SplitMix64};
 
 use super::super::cycle::Cycles;
-use super::super::hierarchy::{Level, hierarchy};
+use super::super::hierarchy::{FieldLevel, hierarchy};
 use super::super::poisson::Factor;
 use super::super::principal::{DirectionField, curvature_tensors, principal_directions};
 use super::super::refine::RefineError;
@@ -57,7 +57,7 @@ pub(super) const KIND: FieldKind = FieldKind::NVector { n: 4 };
 type Pull = (Vec<f64>, Vec<f64>);
 
 /// What is asked of a field: values held on faces, and for each of its numbers a weight and a target to be near.
-struct Wanted<'a> {
+struct ConstraintsAndTargets<'a> {
     held: &'a [Option<Complex64>],
     pull: Option<Pull>,
     /// Of each face whether its component has values that are held, or is pulled.
@@ -74,7 +74,7 @@ pub(super) fn smoothest(
     curvature: f64,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Complex64>, QuadError> {
-    let wanted = Wanted::new(surface, held, curvature);
+    let wanted = ConstraintsAndTargets::new(surface, held, curvature);
     let field = solved(surface, &wanted, monitor)?;
     let field = split_zeros(surface, held, field, |push| {
         let still: Vec<Option<Complex64>> = held.iter().map(|held| held.map(|_| Complex64::ZERO)).collect();
@@ -83,7 +83,11 @@ pub(super) fn smoothest(
     Ok(field.into_iter().zip(held).map(|(value, held)| held.unwrap_or_else(|| normalise(value))).collect())
 }
 
-fn solved(surface: &FieldSurface, wanted: &Wanted, monitor: &dyn Monitor) -> Result<Vec<Complex64>, QuadError> {
+fn solved(
+    surface: &FieldSurface,
+    wanted: &ConstraintsAndTargets,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Complex64>, QuadError> {
     if surface.faces() <= LARGE {
         return by_factor(surface, wanted, monitor);
     }
@@ -95,7 +99,7 @@ fn solved(surface: &FieldSurface, wanted: &Wanted, monitor: &dyn Monitor) -> Res
     }
 }
 
-impl<'a> Wanted<'a> {
+impl<'a> ConstraintsAndTargets<'a> {
     fn new(surface: &FieldSurface, held: &'a [Option<Complex64>], curvature: f64) -> Self {
         let areas = surface.frames().areas();
         let (components, count) = surface.dual().components();
@@ -129,13 +133,18 @@ impl<'a> Wanted<'a> {
 
     /// The same where nothing but a push acts: `still` are zeros where values are held. What nothing binds answers
     /// within its own size.
-    fn pushed<'b>(&self, surface: &FieldSurface, still: &'b [Option<Complex64>], push: Vec<f64>) -> Wanted<'b> {
+    fn pushed<'b>(
+        &self,
+        surface: &FieldSurface,
+        still: &'b [Option<Complex64>],
+        push: Vec<f64>,
+    ) -> ConstraintsAndTargets<'b> {
         let weight = |(face, &area): (usize, &f64)| match self.bound[face] {
             true => self.pulled(face).0,
             false => FREE_SHIFT * area,
         };
         let weights = surface.frames().areas().iter().enumerate().map(weight).collect();
-        Wanted { held: still, pull: Some((weights, push)), bound: vec![true; surface.faces()] }
+        ConstraintsAndTargets { held: still, pull: Some((weights, push)), bound: vec![true; surface.faces()] }
     }
 }
 
@@ -152,7 +161,11 @@ fn pull(surface: &FieldSurface) -> Option<DirectionField> {
 }
 
 /// By a factor of the faces that are free.
-fn by_factor(surface: &FieldSurface, wanted: &Wanted, monitor: &dyn Monitor) -> Result<Vec<Complex64>, QuadError> {
+fn by_factor(
+    surface: &FieldSurface,
+    wanted: &ConstraintsAndTargets,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Complex64>, QuadError> {
     let (faces, held) = (surface.faces(), wanted.held);
     let stiffness = transport_stiffness::<2>(KIND, surface.dual(), surface.frames()).to_sparse();
     let mut field: Vec<Complex64> = held.iter().map(|held| held.unwrap_or_default()).collect();
@@ -225,7 +238,11 @@ fn with_diagonal(matrix: &chladni_algebra::SparseMatrix, diagonal: &[f64]) -> ch
 }
 
 /// By cycles over coarser levels.
-fn by_levels(surface: &FieldSurface, wanted: &Wanted, monitor: &dyn Monitor) -> Result<Vec<Complex64>, RefineError> {
+fn by_levels(
+    surface: &FieldSurface,
+    wanted: &ConstraintsAndTargets,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Complex64>, RefineError> {
     let (faces, held) = (surface.faces(), wanted.held);
     let whole = transport_stiffness::<2>(KIND, surface.dual(), surface.frames());
     let mut right = vec![0.0; 2 * faces];
@@ -269,7 +286,7 @@ fn by_levels(surface: &FieldSurface, wanted: &Wanted, monitor: &dyn Monitor) -> 
 }
 
 /// The stiffness with the weights of pulls, and with held faces as rows that are coupled to nothing.
-fn decoupled(whole: &BlockMatrix<2>, wanted: &Wanted) -> BlockMatrix<2> {
+fn decoupled(whole: &BlockMatrix<2>, wanted: &ConstraintsAndTargets) -> BlockMatrix<2> {
     let held = wanted.held;
     BlockMatrix::from_rows(whole.rows(), whole.rows(), |face, entries| {
         let (columns, blocks) = whole.row(face);
@@ -289,7 +306,7 @@ fn decoupled(whole: &BlockMatrix<2>, wanted: &Wanted) -> BlockMatrix<2> {
 }
 
 /// The field of least energy for its length on the coarsest level, where that is small, carried to the finest.
-fn lowest_of_coarsest(levels: &[Level<2>], monitor: &dyn Monitor) -> Result<Vec<f64>, Cancelled> {
+fn lowest_of_coarsest(levels: &[FieldLevel<2>], monitor: &dyn Monitor) -> Result<Vec<f64>, Cancelled> {
     let Some(last) = levels.last() else { return Ok(Vec::new()) };
     let mut random = SplitMix64::new(0);
     let size = 2 * last.roots.len();
@@ -435,7 +452,7 @@ mod tests {
         }
         let none = vec![None; surface.faces()];
         for (held, curvature) in [(&held, 0.0), (&held, 50.0), (&none, 50.0)] {
-            let wanted = Wanted::new(&surface, held, curvature);
+            let wanted = ConstraintsAndTargets::new(&surface, held, curvature);
             let direct = by_factor(&surface, &wanted, &Unwatched).unwrap();
             let found = by_levels(&surface, &wanted, &Unwatched).unwrap();
             assert!(apart(&direct, &found) < 1e-3, "{curvature}: {}", apart(&direct, &found));
@@ -448,7 +465,7 @@ mod tests {
         let both = union(&[generate(Shape::Sphere, 2500).unwrap(), rough]);
         let surface = FieldSurface::new(both).unwrap();
         let mut held = vec![None; surface.faces()];
-        let wanted = Wanted::new(&surface, &held, 0.0);
+        let wanted = ConstraintsAndTargets::new(&surface, &held, 0.0);
         let stiffness = transport_stiffness::<2>(KIND, surface.dual(), surface.frames());
         let (components, count) = surface.dual().components();
         assert_eq!(count, 2);
@@ -467,7 +484,7 @@ mod tests {
         (0..2).for_each(|c| assert!(found[c] < 1.01 * direct[c], "{found:?} {direct:?}"));
         // One of them held: the other is as it was.
         held[0] = Some(Complex64::ONE);
-        let wanted = Wanted::new(&surface, &held, 0.0);
+        let wanted = ConstraintsAndTargets::new(&surface, &held, 0.0);
         let found = by_levels(&surface, &wanted, &Unwatched).unwrap();
         let other = 1 - components[0] as usize;
         assert!(quotients(&found)[other] < 1.01 * direct[other]);

@@ -11,7 +11,7 @@ use chladni_base::parallel::*;
 use super::super::loops::{Sets, ends};
 use super::super::surface::FieldSurface;
 use super::aligned::{off, sides};
-use super::seams::{Seams, Whole, quarter_turned};
+use super::seams::{GaussianInteger, Seams, quarter_turned};
 use super::{Combed, VertexOrder};
 use crate::operator::frames::{Complex64, complex, inner, parts, power};
 
@@ -66,7 +66,7 @@ impl Parts<'_> {
     }
 
     /// The coordinates of a corner as a sum of complex unknowns.
-    fn corner(&self, face: usize, k: usize, terms: &mut Vec<(u32, Whole)>, sign: i32) {
+    fn corner(&self, face: usize, k: usize, terms: &mut Vec<(u32, GaussianInteger)>, sign: i32) {
         let corner = 3 * face + k;
         let turn = quarter_turned([sign, 0], i32::from(self.seams.quarters[corner]));
         terms.push((self.surface.mesh().faces[face][k], turn));
@@ -91,7 +91,7 @@ impl Parts<'_> {
     }
 
     /// How much coordinates should change along edge `k` of a face, from corner `k + 1` to corner `k + 2`.
-    pub fn wanted(&self, face: usize, k: usize) -> Complex64 {
+    pub fn target_change(&self, face: usize, k: usize) -> Complex64 {
         self.surface.frames().edges(face)[k] * self.combed.directions[face].conj() / self.spacing
     }
 
@@ -113,7 +113,7 @@ impl Parts<'_> {
     }
 
     /// The difference of the coordinates along edge `k` of a face.
-    fn difference(&self, face: usize, k: usize) -> Vec<(u32, Whole)> {
+    fn difference(&self, face: usize, k: usize) -> Vec<(u32, GaussianInteger)> {
         let mut terms = Vec::new();
         self.corner(face, (k + 2) % 3, &mut terms, 1);
         self.corner(face, (k + 1) % 3, &mut terms, -1);
@@ -145,7 +145,7 @@ impl Parts<'_> {
         // Of each face whether it is plain, and for each edge its weight and what coordinates should change by along
         // it.
         let each = |(face, &factor): (usize, &f64)| {
-            let sides = std::array::from_fn(|k| (factor * self.half_cotangent(face, k), self.wanted(face, k)));
+            let sides = std::array::from_fn(|k| (factor * self.half_cotangent(face, k), self.target_change(face, k)));
             (self.plain(face), sides)
         };
         let faces: Vec<(bool, [(f64, Complex64); 3])> =
@@ -194,7 +194,7 @@ impl Parts<'_> {
                 put(unknown, unknown, weight);
             }
             for (at, (vertex, own, shifts)) in self.seams.closures.iter().enumerate() {
-                let mut terms: Vec<(u32, Whole)> =
+                let mut terms: Vec<(u32, GaussianInteger)> =
                     shifts.iter().map(|&(seam, factor)| (vertices as u32 + seam, factor)).collect();
                 terms.push((*vertex, *own));
                 for (i, part) in [Real::U, Real::V].into_iter().enumerate() {
@@ -272,7 +272,7 @@ enum Real {
 }
 
 /// A part of a sum of complex unknowns as a sum of real ones, each once.
-fn real(terms: &[(u32, Whole)], part: Real) -> Vec<(u32, f64)> {
+fn real(terms: &[(u32, GaussianInteger)], part: Real) -> Vec<(u32, f64)> {
     let mut sum: Vec<(u32, f64)> = Vec::with_capacity(terms.len());
     for &(unknown, [x, y]) in terms {
         let factors = if part == Real::U { [x, -y] } else { [y, x] };

@@ -30,7 +30,7 @@ const GAIN: f64 = 1e-6;
 type Area = (f64, Complex64);
 
 /// Which of the two coordinates of a vertex stay.
-pub(super) type Held = [bool; 2];
+pub(super) type FixedCoordinates = [bool; 2];
 
 /// Moves unknowns and coordinates; `inverted` are the faces turned over.
 ///
@@ -56,7 +56,7 @@ pub(super) fn untangle(
 /// Vertices alone; what is left.
 fn one_by_one(
     parts: &Parts,
-    held: &[Held],
+    held: &[FixedCoordinates],
     solution: &mut [f64],
     coordinates: &mut [[Complex64; 3]],
     mut inverted: Vec<u32>,
@@ -95,7 +95,7 @@ fn one_by_one(
 
 /// What stays of the coordinates of each vertex: all of singular ones, and on creases that are grid lines that which is
 /// whole there.
-fn held(parts: &Parts) -> Vec<Held> {
+fn held(parts: &Parts) -> Vec<FixedCoordinates> {
     let mesh = parts.surface.mesh();
     let mut held = vec![[false; 2]; mesh.positions.len()];
     for side in sides(parts.surface, parts.creases) {
@@ -140,7 +140,7 @@ fn area(parts: &Parts, coordinates: &[[Complex64; 3]], corner: u32) -> Option<Ar
 
 /// The step by which the least of some areas becomes largest, without coordinates that stay; `None` where it is
 /// positive already, or would not grow.
-fn best(areas: &[Area], held: Held) -> Option<Complex64> {
+fn best(areas: &[Area], held: FixedCoordinates) -> Option<Complex64> {
     let least = areas.iter().map(|area| area.0).fold(f64::INFINITY, f64::min);
     if !(least <= 0.0) || held == [true; 2] {
         return None;

@@ -208,8 +208,8 @@ fn right_hand_sides(
 
 impl System {
     /// How much of each field of the kernel there is; where constraints do not say, as little as possible, and no more
-    /// than [`LONGEST_IDLE`] allows. Whether that is so is told by the first of several steps and kept in `yielding`, by
-    /// how much these fields give way then.
+    /// than [`LONGEST_IDLE`] allows. Whether that is so is told by the first of several steps and kept in `yielding`,
+    /// by how much these fields give way then.
     pub(in super::super) fn shares_of_kernel(
         &self,
         right: &DenseMatrix,

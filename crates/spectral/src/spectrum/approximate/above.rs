@@ -11,7 +11,7 @@ use chladni_base::{Cancelled, Monitor};
 
 use crate::basis::{Basis, Functions};
 use crate::operator::MeshOperator;
-use crate::spectrum::certificate::KERNEL;
+use crate::spectrum::certificate::LARGEST_KERNEL_VALUE;
 use crate::spectrum::hsim::taken_off;
 
 /// The operator without the largest multiple of the mass that leaves no row with a negative sum, and that multiple, on
@@ -55,7 +55,7 @@ pub(super) fn move_back(
         let values: Vec<f64> = values.iter().map(|value| value * problem.area).collect();
         let sums = residual_sums(&problem.stiffness, &problem.mass, &block, &values, monitor)?;
         for ((residual, sums), value) in basis.certificate.residuals[from..].iter_mut().zip(sums).zip(values) {
-            if value.abs() > KERNEL {
+            if value.abs() > LARGEST_KERNEL_VALUE {
                 *residual = if sums.residual == 0.0 { 0.0 } else { (sums.residual / sums.stiffness).sqrt() };
             }
         }

@@ -4,7 +4,7 @@ use chladni_mesh::shape::{Shape, generate, noisy};
 use crate::operator::{OperatorKind, OperatorParameters, Potential, assemble};
 use crate::spectrum::approximate::{ApproximationParameters, Space, approximate};
 use crate::spectrum::heat::HeatParameters;
-use crate::spectrum::hsim::{self, HsimParameters, Wanted};
+use crate::spectrum::hsim::{self, HsimParameters, Selection};
 use crate::verify::verify;
 
 /// The estimates of a shifted spectrum are those of the spectrum: what pairs miss has nothing to do with a constant.
@@ -18,7 +18,7 @@ fn estimates_beside_a_large_constant_potential_are_those_without_it() {
         let operator = OperatorKind::Hamiltonian { potential: Potential::Values(values) };
         assemble(&mesh, &OperatorParameters { operator, ..Default::default() }, &Unwatched).unwrap()
     };
-    let exact = HsimParameters { wanted: Wanted::Count(40), tolerance: 1e-8, ..HsimParameters::default() };
+    let exact = HsimParameters { selection: Selection::Count(40), tolerance: 1e-8, ..HsimParameters::default() };
     let exact = hsim::solve(&mesh, &operator(0.0).problem, &exact, false, &Unwatched).unwrap().values;
     let space = Space::Heat(HeatParameters::default());
     let parameters = ApproximationParameters { count: 40, dimension: 200, space, goal: None, certify: false, seed: 0 };

@@ -1,6 +1,8 @@
 //! Pairs in one space, judged, and the space that would hold what they miss.
 
-use super::super::certificate::{CertificateError, KERNEL, certificate_of, certify, gram_defect, infinity_norm};
+use super::super::certificate::{
+    CertificateError, LARGEST_KERNEL_VALUE, certificate_of, certify, gram_defect, infinity_norm,
+};
 use super::super::domain::Domain;
 use super::super::energy::{Energy, PairShare, measures};
 use super::super::lehmann::{self, Enclosed};
@@ -38,7 +40,7 @@ const SMALL: usize = 1500;
 
 /// Eigenfunctions on the mesh that are farther from orthonormal than this come from a dense problem that rounding has
 /// decided.
-const LARGEST_DEFECT: f64 = 1e-3;
+const LARGEST_LIFTED_DEFECT: f64 = 1e-3;
 
 /// In a solid of more unknowns than this nobody looks for hidden eigenfunctions unasked: the factor takes longer than
 /// everything else.
@@ -118,7 +120,7 @@ impl Attempt {
         let good = goal.map(|goal| MEAN_SHARE * goal);
         (self.certificate, self.density) =
             certify(energy, problem, space, mass, &mut pairs.vectors, &pairs.values, good, monitor)?;
-        self.conclude(energy.floor(), problem.area);
+        self.summarise(energy.floor(), problem.area);
         Ok(())
     }
 
@@ -142,20 +144,20 @@ impl Attempt {
             let own = energy.in_order(space);
             // Parts are steps of one stage.
             let portion = Portion { whole: monitor, step: (part, parts) };
-            let shares = energy.shares(&own, &pairs.vectors, &pairs.values, KERNEL, &portion)?;
+            let shares = energy.shares(&own, &pairs.vectors, &pairs.values, LARGEST_KERNEL_VALUE, &portion)?;
             sums.iter_mut().zip(&shares).for_each(|(sum, share)| sum.add(share));
         }
         let defect = gram_defect(mass, &pairs.vectors);
         let of = (infinity_norm(&problem.stiffness), defect, problem.area);
-        let measures = measures(&sums, &pairs.values, KERNEL);
+        let measures = measures(&sums, &pairs.values, LARGEST_KERNEL_VALUE);
         self.certificate = certificate_of(&measures, of, &mut pairs.vectors, &pairs.values);
         self.density = None;
-        self.conclude(0.0, problem.area);
+        self.summarise(0.0, problem.area);
         Ok(())
     }
 
     /// What the certificate says of all pairs together; no eigenvalue lies below `−floor`.
-    pub(super) fn conclude(&mut self, floor: f64, area: f64) {
+    pub(super) fn summarise(&mut self, floor: f64, area: f64) {
         let pairs = &self.ritz.pairs;
         // No eigenvalue lies below the floor, and none of index `k` above the value of pair `k`, which is a Ritz value
         // unless rounding has decided it. A value that is exactly zero is known.
@@ -179,16 +181,16 @@ impl Attempt {
         for (k, (error, &value)) in self.certificate.estimates.iter().zip(&pairs.values).enumerate() {
             let error = error * area;
             let relative = error / value.abs();
-            if value.abs() > KERNEL && (k < self.count || value - error < last) {
+            if value.abs() > LARGEST_KERNEL_VALUE && (k < self.count || value - error < last) {
                 self.largest_estimate = self.largest_estimate.max(relative);
             }
-            if value.abs() > KERNEL && k < self.count {
+            if value.abs() > LARGEST_KERNEL_VALUE && k < self.count {
                 sum += relative;
                 summed += 1;
             }
         }
         self.mean_estimate = sum / summed.max(1) as f64;
-        if !(self.certificate.orthonormality_defect <= LARGEST_DEFECT) {
+        if !(self.certificate.orthonormality_defect <= LARGEST_LIFTED_DEFECT) {
             // Estimates are of functions of unit mass; these are not what the dense problem took them for.
             self.largest_estimate = f64::INFINITY;
         }
@@ -233,7 +235,7 @@ impl Attempt {
             // The last pairs stand so many places too low.
             let last = self.count.min(pairs.values.len()).saturating_sub(1);
             let (value, lower) = (pairs.values[last], pairs.values[last.saturating_sub(hidden.count)]);
-            self.largest_estimate = self.largest_estimate.max((value - lower) / value.abs().max(KERNEL));
+            self.largest_estimate = self.largest_estimate.max((value - lower) / value.abs().max(LARGEST_KERNEL_VALUE));
         }
         Ok(())
     }

@@ -95,7 +95,7 @@ pub(super) fn restricted(
 ) -> Result<Restricted, ApproximationError> {
     let mut bare: Vec<u32> = Vec::new();
     loop {
-        let (found, empty) = once(problem, columns, rows_of_piece, (kept, &bare), monitor)?;
+        let (found, empty) = restricted_with_peaks(problem, columns, rows_of_piece, (kept, &bare), monitor)?;
         if empty.is_empty() || !bare.is_empty() {
             return Ok(found);
         }
@@ -105,7 +105,7 @@ pub(super) fn restricted(
 }
 
 /// [`restricted`] with the peaks of some columns put back, and the columns that have no entry.
-fn once(
+fn restricted_with_peaks(
     problem: &LaplacianByRows<'_>,
     columns: &Diffused,
     rows_of_piece: usize,

@@ -14,7 +14,7 @@ use std::borrow::Cow;
 
 use chladni_base::parallel::*;
 
-use super::super::certificate::{KERNEL, certificate_of, gram_defect, infinity_norm_of};
+use super::super::certificate::{LARGEST_KERNEL_VALUE, certificate_of, gram_defect, infinity_norm_of};
 use super::super::domain::Domain;
 use super::super::energy::{Cotangents, Energy, PairShare, measures};
 use super::super::hsim::is_balanced;
@@ -242,7 +242,7 @@ impl<'a> Parted<'a> {
                 .map_err(|error| ApproximationError::from(CertificateError::from(error)))?;
             let with_neighbours = energy.in_order(&space);
             let portion = Portion { whole: monitor, step: (piece, pieces) };
-            let shares = energy.shares(&with_neighbours, &coefficients, &values, KERNEL, &portion)?;
+            let shares = energy.shares(&with_neighbours, &coefficients, &values, LARGEST_KERNEL_VALUE, &portion)?;
             match piece {
                 0 => sums = shares,
                 _ => sums.iter_mut().zip(&shares).for_each(|(sum, share)| sum.add(share)),
@@ -308,8 +308,8 @@ impl<'a> Parted<'a> {
             check_plan(&found, plan, number)?;
             gathered.take(found)?;
         }
-        let Whole { space, mut pairs, sums, norm, defect } = gathered.whole(self.plan.parts)?;
-        let measures = measures(&sums, &pairs.values, KERNEL);
+        let AllParts { space, mut pairs, sums, norm, defect } = gathered.whole(self.plan.parts)?;
+        let measures = measures(&sums, &pairs.values, LARGEST_KERNEL_VALUE);
         let certificate = certificate_of(&measures, (norm, defect, problem.area), &mut pairs.vectors, &pairs.values);
         let nothing = || SparseMatrix::from_sorted_parts(0, 0, vec![0], Vec::new(), Vec::new());
         let ritz = Ritz { space, mass: nothing(), stiffness: nothing(), pairs };
@@ -317,7 +317,7 @@ impl<'a> Parted<'a> {
         let most = most_columns(problem.size(), self.parameters.dimension.max(count));
         let mut attempt = Attempt::new(ritz, count, most);
         attempt.certificate = certificate;
-        attempt.conclude((-operator.floor).max(0.0), problem.area);
+        attempt.summarise((-operator.floor).max(0.0), problem.area);
         if let Some(goal) = self.parameters.goal
             && goal.rounds > 0
             && attempt.excess(goal.error) > 1.0
@@ -489,7 +489,7 @@ struct Gathered {
 }
 
 /// All parts together.
-struct Whole {
+struct AllParts {
     space: SparseMatrix<f32>,
     pairs: EigenPairs,
     sums: Vec<PairShare>,
@@ -553,7 +553,7 @@ impl Gathered {
     }
 
     /// All of so many parts together.
-    fn whole(self, parts: usize) -> Result<Whole, PartError> {
+    fn whole(self, parts: usize) -> Result<AllParts, PartError> {
         let Self { seen, space, pairs, sums, norm, defect } = self;
         let missing = |reason: String| PartError::Damaged { number: parts, reason };
         if let Some(row) = seen.iter().position(|seen| !seen) {
@@ -563,7 +563,7 @@ impl Gathered {
         let space = space.unwrap_or_else(|| Stack::new(seen.len(), 0));
         drop(seen);
         let space = space.finish();
-        Ok(Whole { space, pairs, sums, norm, defect })
+        Ok(AllParts { space, pairs, sums, norm, defect })
     }
 }
 

@@ -129,7 +129,7 @@ const NOTHING: f64 = 1e-9;
 
 /// Whether the wanted values may drown in the rounding errors of the largest ones: a column of a few vertices among
 /// needles has a quotient of energy and mass of 10^15, where its neighbours have one of 10.
-fn drowned(stiffness: &SparseMatrix, mass: &SparseMatrix, pairs: &EigenPairs) -> bool {
+fn lost_in_rounding(stiffness: &SparseMatrix, mass: &SparseMatrix, pairs: &EigenPairs) -> bool {
     let wanted = size_of(pairs);
     let diagonal = |matrix: &SparseMatrix, row: usize| {
         let (columns, values) = matrix.row(row);
@@ -209,7 +209,9 @@ pub(super) fn solve_restricted(
     let mut tries = DEPENDENT.iter();
     loop {
         let solved = match solver.lowest(stiffness.to_dense(), mass.to_dense(), count, monitor) {
-            Ok(pairs) if drowned(&stiffness, &mass, &pairs) => reversed(solver, &stiffness, &mass, &pairs, monitor),
+            Ok(pairs) if lost_in_rounding(&stiffness, &mass, &pairs) => {
+                reversed(solver, &stiffness, &mass, &pairs, monitor)
+            }
             other => other,
         };
         let dependent = match &solved {

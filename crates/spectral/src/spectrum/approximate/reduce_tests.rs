@@ -35,7 +35,7 @@ fn wanted_values_do_not_drown_in_the_rounding_errors_of_the_largest() {
     let direct = CpuSolver.lowest(stiffness.to_dense(), mass.to_dense(), 20, &Unwatched).unwrap();
     let worst = |values: &[f64]| values.iter().zip(0..).map(|(v, k)| (v - f64::from(k)).abs()).fold(0.0, f64::max);
     assert!(worst(&direct.values) > 1e-3, "the case is no case: {:?}", direct.values);
-    assert!(drowned(&stiffness, &mass, &direct));
+    assert!(lost_in_rounding(&stiffness, &mass, &direct));
     let found = reversed(&CpuSolver, &stiffness, &mass, &direct, &Unwatched).unwrap();
     assert!(worst(&found.values) < 1e-9, "{:?}", found.values);
     let x = &found.vectors;
@@ -51,7 +51,7 @@ fn wanted_values_do_not_drown_in_the_rounding_errors_of_the_largest() {
     // A pencil without such a column is solved as it is.
     let (few, of_few) = (stiffness.select_rows(&[0, 1, 2]), mass.select_rows(&[0, 1, 2]));
     let fair = EigenPairs { values: vec![0.0, 1.0, 2.0], ..found };
-    assert!(!drowned(&few, &of_few, &fair));
+    assert!(!lost_in_rounding(&few, &of_few, &fair));
 }
 
 #[test]
@@ -94,7 +94,7 @@ fn what_has_drowned_is_no_result_where_it_cannot_be_solved_for_either_way() {
     // All that is wanted is zero, and one column weighs much.
     let (stiffness, mass) = (diagonal([0.0, 0.0, 1e17]), diagonal([1.0, 2.0, 1.0]));
     let zeros = pairs(vec![3.0, -5.0]);
-    assert!(drowned(&stiffness, &mass, &pairs(vec![0.0, 0.0])));
+    assert!(lost_in_rounding(&stiffness, &mass, &pairs(vec![0.0, 0.0])));
     let found = reversed(&CpuSolver, &stiffness, &mass, &zeros, &Unwatched).unwrap();
     assert!(found.values.iter().all(|value| value.abs() < 1e-12), "{:?}", found.values);
     let wrong = diagonal([1.0, -2.0, 1.0]);
@@ -112,7 +112,7 @@ fn a_value_below_all_that_are_possible_is_no_result() {
         let mut attempt = Attempt::new(Ritz { space, mass: nothing(), stiffness: nothing(), pairs }, 2, 2);
         attempt.certificate.estimates = vec![0.01; 2];
         attempt.certificate.bounds = vec![0.1; 2];
-        attempt.conclude(0.0, 1.0);
+        attempt.summarise(0.0, 1.0);
         attempt
     };
     let wrong = attempt(vec![-4.0, 7.0]);

@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::direct::Solver;
 use super::rows::{Enclosure, PairResidual, Residuals};
-use super::{Energy, HALVES, Kept, MASS_ROUNDING, MOST_STEPS, SINGLE, Step, Workspace, over_panels};
+use super::{CycleOutput, Energy, HALVES, MASS_ROUNDING, MOST_STEPS, SINGLE, Step, Workspace, over_panels};
 use chladni_algebra::{
     CYCLE_WIDTH, CycleRow, DenseMatrix, LIFT_WIDTH, RowLifter, SparseMatrix, symmetric_product, weighted_gram,
 };
@@ -193,7 +193,8 @@ impl Energy<'_> {
     ) -> Half {
         let mut enclosed = Enclosure::default();
         for step in 0..MOST_STEPS {
-            enclosed = self.step(workspace, half, sigma, Step { first: step == 0, keep: Kept::Both, by_trees: false });
+            enclosed =
+                self.step(workspace, half, sigma, Step { first: step == 0, keep: CycleOutput::Both, by_trees: false });
             let is_close = |k: usize| self.mass_ratio() * enclosed.excess[k] <= SLACK * sigma * enclosed.below[k];
             if (0..count).all(is_close) {
                 break;

@@ -147,7 +147,7 @@ impl Energy<'_> {
             let enclosed = self.enclose_all(&y[half], &workspace.right[half], solver.sigma);
             measures.extend(
                 (0..theta.len())
-                    .map(|k| self.conclude(&residuals[half].pairs[k], &enclosed.of(k), theta[k], solver.sigma)),
+                    .map(|k| self.measure_of(&residuals[half].pairs[k], &enclosed.of(k), theta[k], solver.sigma)),
             );
         }
         measures

@@ -19,9 +19,9 @@ struct Closeness<'a> {
 
 impl Closeness<'_> {
     /// What is known of the pair `at`.
-    fn conclude(&self, at: usize, residual: &ResidualSums, enclosure: &EnclosureSums) -> Measure {
+    fn measure_of(&self, at: usize, residual: &ResidualSums, enclosure: &EnclosureSums) -> Measure {
         let residual = PairResidual::new(residual, self.ritz[at]);
-        self.energy.conclude(&residual, enclosure, self.ritz[at], self.sigmas[at])
+        self.energy.measure_of(&residual, enclosure, self.ritz[at], self.sigmas[at])
     }
 }
 
@@ -35,7 +35,7 @@ impl Judge for Closeness<'_> {
 
     fn weights(&self, first: usize, residuals: &[ResidualSums], enclosures: &[EnclosureSums]) -> Option<Vec<f64>> {
         let weight = |((residual, enclosure), at)| {
-            self.energy.weight(&self.conclude(at, residual, enclosure), self.ritz[at], self.limits)
+            self.energy.weight(&self.measure_of(at, residual, enclosure), self.ritz[at], self.limits)
         };
         let weights: Vec<f64> = residuals.iter().zip(enclosures).zip(first..).map(weight).collect();
         weights.iter().any(|&weight| weight > 0.0).then_some(weights)
@@ -85,7 +85,7 @@ impl Energy<'_> {
             return Ok(None);
         };
         let sums = residuals.iter().zip(&enclosures).enumerate();
-        let measures = sums.map(|(at, (residual, enclosure))| judge.conclude(at, residual, enclosure)).collect();
+        let measures = sums.map(|(at, (residual, enclosure))| judge.measure_of(at, residual, enclosure)).collect();
         let on_rows = |density: Vec<f64>| {
             let mut rows = vec![0.0; density.len()];
             self.order.iter().zip(density).for_each(|(&row, value)| rows[row as usize] = value);

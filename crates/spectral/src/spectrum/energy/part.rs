@@ -12,7 +12,7 @@ use std::sync::OnceLock;
 use chladni_base::parallel::*;
 
 use super::rows::{PairResidual, rounding_weights};
-use super::{Energy, Forest, KernelAndGoal, Measure, Obtuse, conclude, over_panels, sigma};
+use super::{Energy, Forest, KernelAndGoal, Measure, Obtuse, measure_of, over_panels, sigma};
 use crate::basis::NUMBERS_OF_SHARE;
 use crate::operator::{EigenProblem, laplace};
 use chladni_algebra::gpu::{EnclosureSums, ResidualSums};
@@ -92,7 +92,7 @@ pub(in crate::spectrum) fn measures(sums: &[PairShare], ritz: &[f64], kernel: f6
     let one = |(at, (share, &theta)): (usize, (&PairShare, &f64))| {
         let group = &ritz[at / CYCLE_WIDTH * CYCLE_WIDTH..ritz.len().min((at / CYCLE_WIDTH + 1) * CYCLE_WIDTH)];
         let residual = PairResidual::new(&share.residual, theta);
-        let mut measure = conclude(&residual, &share.enclosure, theta, sigma(group, 0.0, limits), (0.0, 1.0));
+        let mut measure = measure_of(&residual, &share.enclosure, theta, sigma(group, 0.0, limits), (0.0, 1.0));
         let most = MOST_GAINED * measure.below * measure.below / measure.sums.mass.max(f64::MIN_POSITIVE);
         measure.estimate = measure.estimate.min(most);
         measure

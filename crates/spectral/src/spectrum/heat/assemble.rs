@@ -11,7 +11,7 @@ const WIDEST: usize = 64;
 
 /// Which entries of diffused columns stay.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Kept {
+pub(super) struct DroppingRule {
     /// Smaller ones are dropped.
     pub least: f32,
     /// Whether negative ones stay, too, by their size: beside flat tetrahedra columns follow the stiffness only with
@@ -21,7 +21,7 @@ pub(super) struct Kept {
     pub most: (usize, usize),
 }
 
-impl Kept {
+impl DroppingRule {
     /// What surfaces have.
     pub fn positive(least: f32) -> Self {
         Self { least, signed: false, most: (MOST_ENTRIES, WIDEST) }
@@ -51,8 +51,8 @@ pub(super) struct Part {
 
 impl Part {
     /// How many entries stay.
-    pub fn entries(&self, kept: &Kept) -> usize {
-        self.values.iter().map(|row| row[..self.lanes.len()].iter().filter(|&&x| kept.keeps(x)).count()).sum()
+    pub fn entries(&self, rule: &DroppingRule) -> usize {
+        self.values.iter().map(|row| row[..self.lanes.len()].iter().filter(|&&x| rule.keeps(x)).count()).sum()
     }
 }
 
@@ -67,11 +67,11 @@ impl WidestRows {
         Self { rows: vec![Vec::new(); n] }
     }
 
-    pub fn add(&mut self, part: &Part, kept: &Kept) {
-        let widest = kept.most.1;
+    pub fn add(&mut self, part: &Part, rule: &DroppingRule) {
+        let widest = rule.most.1;
         for (&v, values) in part.vertices.iter().zip(&part.values) {
             let row = &mut self.rows[v as usize];
-            row.extend(part.lanes.iter().zip(values).filter(|&(_, &x)| kept.keeps(x)).map(|(&lane, &x)| (lane, x)));
+            row.extend(part.lanes.iter().zip(values).filter(|&(_, &x)| rule.keeps(x)).map(|(&lane, &x)| (lane, x)));
             if row.len() > widest {
                 // A total order, so that what is left does not depend on the order of the panels.
                 row.select_nth_unstable_by(widest - 1, |a, b| b.1.abs().total_cmp(&a.1.abs()).then(a.0.cmp(&b.0)));
@@ -103,12 +103,12 @@ impl WidestRows {
 }
 
 /// Puts the panels together as rows of the entries that stay. A row that would be empty keeps its entries of before.
-pub(super) fn assemble(columns: &SparseMatrix<f32>, parts: &[Part], kept: &Kept) -> SparseMatrix<f32> {
+pub(super) fn assemble(columns: &SparseMatrix<f32>, parts: &[Part], rule: &DroppingRule) -> SparseMatrix<f32> {
     let n = columns.rows();
     let mut counts = vec![0usize; n];
     for part in parts {
         for (&v, row) in part.vertices.iter().zip(&part.values) {
-            counts[v as usize] += row[..part.lanes.len()].iter().filter(|&&x| kept.keeps(x)).count();
+            counts[v as usize] += row[..part.lanes.len()].iter().filter(|&&x| rule.keeps(x)).count();
         }
     }
     let mut offsets = Vec::with_capacity(n + 1);
@@ -123,7 +123,7 @@ pub(super) fn assemble(columns: &SparseMatrix<f32>, parts: &[Part], kept: &Kept)
     for part in parts {
         for (&v, row) in part.vertices.iter().zip(&part.values) {
             for (&lane, &x) in part.lanes.iter().zip(row) {
-                if kept.keeps(x) {
+                if rule.keeps(x) {
                     entries[next[v as usize]] = (lane, x);
                     next[v as usize] += 1;
                 }
@@ -158,11 +158,11 @@ mod tests {
             values: [0, 2].map(|v| std::array::from_fn(|l| value(v, first + l as u32))).to_vec(),
         };
         let parts: Vec<Part> = (0..8).map(|k| part(16 * k)).collect();
-        assert_eq!(parts[0].entries(&Kept::positive(0.0)), 32);
+        assert_eq!(parts[0].entries(&DroppingRule::positive(0.0)), 32);
         let columns = SparseMatrix::from_sorted_parts(3, 128, vec![0, 0, 1, 1], vec![5], vec![0.5]);
         let gather = |parts: &mut dyn Iterator<Item = &Part>| {
             let mut rows = WidestRows::new(3);
-            parts.for_each(|part| rows.add(part, &Kept::positive(1.0)));
+            parts.for_each(|part| rows.add(part, &DroppingRule::positive(1.0)));
             rows.finish(&columns)
         };
         let (forth, back) = (gather(&mut parts.iter()), gather(&mut parts.iter().rev()));
@@ -178,6 +178,6 @@ mod tests {
             assert_eq!(indices.iter().copied().zip(values.iter().copied()).collect::<Vec<_>>(), all);
         }
         // Where there are few, both constructions agree.
-        assert_eq!(gather(&mut parts[..2].iter()), assemble(&columns, &parts[..2], &Kept::positive(1.0)));
+        assert_eq!(gather(&mut parts[..2].iter()), assemble(&columns, &parts[..2], &DroppingRule::positive(1.0)));
     }
 }

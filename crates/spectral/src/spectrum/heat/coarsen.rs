@@ -4,7 +4,7 @@ use std::collections::{HashMap, VecDeque};
 
 use chladni_base::parallel::*;
 
-use super::level::Level;
+use super::level::HeatLevel;
 use chladni_base::{Cancelled, Monitor, Vector3};
 
 /// A coarse weight is the sum of the fine ones across the boundary of two cells, each times the share of the way
@@ -25,7 +25,7 @@ pub(super) struct Surface<'a> {
 
 /// A coarser level and how the finer one belongs to it.
 pub(super) struct Coarsening {
-    pub level: Level,
+    pub level: HeatLevel,
     /// The coarse vertex of every fine one.
     pub cells: Vec<u32>,
     /// The fine vertex in the middle of every coarse one.
@@ -46,7 +46,7 @@ impl Coarsening {
     /// without such a triangle (a tube thinner than a cell), a finite-volume weight stands in. Masses add up over
     /// cells.
     pub fn new(
-        fine: &Level,
+        fine: &HeatLevel,
         surface: Surface,
         hops: usize,
         reach: f32,
@@ -87,7 +87,7 @@ impl Coarsening {
 
     /// Lets go of the coarse level, and of all else but what interpolates.
     pub fn forget_all_but_corners(&mut self) {
-        self.level = Level::empty();
+        self.level = HeatLevel::empty();
         (self.cells, self.seeds) = (Vec::new(), Vec::new());
         (self.positions, self.triangles) = (Vec::new(), Vec::new());
     }
@@ -182,7 +182,13 @@ fn interpolate(position: [f32; 3], cell: u32, coarse: Surface, fan: &[u32]) -> (
 }
 
 /// A maximal set of vertices of which none lies within `hops` edges and `reach` of another; forced ones may.
-fn seeds(fine: &Level, hops: usize, reach: f32, forced: &[u32], monitor: &dyn Monitor) -> Result<Vec<u32>, Cancelled> {
+fn seeds(
+    fine: &HeatLevel,
+    hops: usize,
+    reach: f32,
+    forced: &[u32],
+    monitor: &dyn Monitor,
+) -> Result<Vec<u32>, Cancelled> {
     let n = fine.vertices();
     let mut covered = vec![false; n];
     let mut visited = vec![u32::MAX; n];
@@ -237,7 +243,12 @@ fn seeds(fine: &Level, hops: usize, reach: f32, forced: &[u32], monitor: &dyn Mo
 
 /// The nearest seed of every vertex along edges and how far it is. No seed is farther than `hops` edges; paths of one
 /// more are tried. Each round looks at the distances of the one before only, so the order of vertices does not matter.
-fn voronoi(fine: &Level, seeds: &[u32], hops: usize, monitor: &dyn Monitor) -> Result<(Vec<u32>, Vec<f32>), Cancelled> {
+fn voronoi(
+    fine: &HeatLevel,
+    seeds: &[u32],
+    hops: usize,
+    monitor: &dyn Monitor,
+) -> Result<(Vec<u32>, Vec<f32>), Cancelled> {
     let n = fine.vertices();
     let mut nearest = vec![(f32::INFINITY, u32::MAX); n];
     for (cell, &seed) in seeds.iter().enumerate() {
@@ -269,13 +280,13 @@ fn voronoi(fine: &Level, seeds: &[u32], hops: usize, monitor: &dyn Monitor) -> R
 
 /// The coarse level.
 fn condense(
-    fine: &Level,
+    fine: &HeatLevel,
     coarse: Surface,
     fans: &Fans,
     cells: &[u32],
     distances: &[f32],
     monitor: &dyn Monitor,
-) -> Result<Level, Cancelled> {
+) -> Result<HeatLevel, Cancelled> {
     let (n, count) = (fine.vertices(), coarse.positions.len());
     let mut begins = vec![0u32; count + 1];
     for &cell in cells {
@@ -291,12 +302,12 @@ fn condense(
         next[cell as usize] += 1;
     }
     let cells_per_chunk = 2048;
-    let chunks: Vec<Level> = (0..count.div_ceil(cells_per_chunk))
+    let chunks: Vec<HeatLevel> = (0..count.div_ceil(cells_per_chunk))
         .into_par_iter()
         .map(|chunk| {
             monitor.checkpoint()?;
             let range = chunk * cells_per_chunk..((chunk + 1) * cells_per_chunk).min(count);
-            let mut level = Level::empty();
+            let mut level = HeatLevel::empty();
             let (mut row, mut touching, mut entries): (Vec<Link>, Vec<Link>, usize) = (Vec::new(), Vec::new(), 0);
             for cell in range {
                 row.clear();
@@ -344,7 +355,7 @@ fn condense(
             Ok(level)
         })
         .collect::<Result<_, Cancelled>>()?;
-    Ok(Level::concatenate(chunks))
+    Ok(HeatLevel::concatenate(chunks))
 }
 
 /// An entry of a row under construction.

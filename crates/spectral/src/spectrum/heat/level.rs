@@ -13,7 +13,7 @@ const STIFF: f32 = 1e4;
 /// A weighted graph: the finest one holds the mesh, coarser ones its aggregates.
 ///
 /// The stiffness is `diagonal[i]` on the diagonal and `−weights` off it; neighbours of a vertex ascend.
-pub(super) struct Level {
+pub(super) struct HeatLevel {
     pub offsets: Vec<u32>,
     pub neighbours: Vec<u32>,
     pub weights: Vec<f32>,
@@ -22,7 +22,7 @@ pub(super) struct Level {
     pub mass: Vec<f32>,
 }
 
-impl Level {
+impl HeatLevel {
     /// The mesh itself: the stiffness and lumped mass of `problem` and the lengths of `connectivity` over √area. An
     /// entry that only one of the two knows gets weight 0, or a length that no path takes.
     pub fn finest(problem: &EigenProblem, connectivity: &Connectivity) -> Result<Self, HeatError> {
@@ -205,7 +205,7 @@ impl Level {
 }
 
 /// The lists of all parts, one after the other.
-fn joined<T: Copy + Default + Send + Sync>(parts: &[Level], list: impl Fn(&Level) -> &Vec<T>) -> Vec<T> {
+fn joined<T: Copy + Default + Send + Sync>(parts: &[HeatLevel], list: impl Fn(&HeatLevel) -> &Vec<T>) -> Vec<T> {
     let lists: Vec<&Vec<T>> = parts.iter().map(list).collect();
     let mut all = vec![T::default(); lists.iter().map(|list| list.len()).sum()];
     let mut free = all.as_mut_slice();

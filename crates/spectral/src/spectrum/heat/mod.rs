@@ -32,9 +32,9 @@ use chladni_base::{Cancelled, Monitor};
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::connectivity::Connectivity;
 
-use assemble::Kept;
+use assemble::DroppingRule;
 use coarsen::{Coarsening, Surface};
-use level::Level;
+use level::HeatLevel;
 pub(super) use piecewise::Diffused;
 pub use solid::smooth_in_solid;
 
@@ -205,7 +205,7 @@ pub fn smooth(
     }
     let peaks = peaks(columns.borrow())?;
     monitor.checkpoint()?;
-    let level = Level::finest(problem, connectivity.borrow())?;
+    let level = HeatLevel::finest(problem, connectivity.borrow())?;
     // What is given away is let go of as soon as it has served: of millions of vertices it is a good part of what there
     // is.
     drop(connectivity);
@@ -246,7 +246,7 @@ pub(super) fn smooth_by_rows(
         vertices.push(vertex);
     }
     monitor.checkpoint()?;
-    let level = Level::finest_by_rows(problem, connectivity)?;
+    let level = HeatLevel::finest_by_rows(problem, connectivity)?;
     if level.diagonal.iter().any(|&entry| entry > most) {
         return Ok(None);
     }
@@ -270,7 +270,7 @@ struct Start<R> {
 /// Columns that have diffused on a coarse level of the mesh. What makes their rows is let go of before the way back.
 fn diffused(
     (mesh, area): (&TriangleMesh, f64),
-    mut level: Level,
+    mut level: HeatLevel,
     start: Start<impl Fn(Option<&[u32]>) -> SparseMatrix<f32>>,
     parameters: &HeatParameters,
     monitor: &dyn Monitor,
@@ -280,7 +280,7 @@ fn diffused(
         steps: parameters.steps,
         time: (parameters.time / d.max(1) as f64) as f32,
         margin: (parameters.margin * (parameters.steps as f64 * parameters.time / d.max(1) as f64).sqrt()) as f32,
-        kept: Kept::positive(parameters.drop as f32),
+        dropping: DroppingRule::positive(parameters.drop as f32),
         tolerance: parameters.tolerance as f32,
     };
     let origin = mesh.points().first().copied().unwrap_or_default();
@@ -310,7 +310,7 @@ fn diffused(
     let initial = rows(Some(&vertices));
     drop(rows);
     let coarse_drop = (COARSE_DROP * parameters.threshold).max(parameters.drop) as f32;
-    let heat = panel::Heat { kept: Kept::positive(coarse_drop), ..heat };
+    let heat = panel::Heat { dropping: DroppingRule::positive(coarse_drop), ..heat };
     let mut spread = panel::diffuse(&coarsest.level, &initial, &tops, &heat, monitor)?;
     let thinning = polish::Thinning { drop: coarse_drop, threshold: 0.0 };
     while hierarchy.len() > 1
@@ -328,7 +328,7 @@ fn diffused(
 
 /// Coarser and coarser levels until one has at most [`COARSE_RATIO`] vertices a column.
 fn coarsen(
-    level: &Level,
+    level: &HeatLevel,
     surface: Surface,
     peaks: &[u32],
     d: usize,

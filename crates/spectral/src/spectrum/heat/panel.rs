@@ -12,8 +12,8 @@ use std::sync::{Mutex, PoisonError};
 use chladni_algebra::simd::{Arch, Simd, WithSimd};
 use chladni_base::parallel::*;
 
-use super::assemble::{Kept, Part, WidestRows, assemble};
-use super::level::Level;
+use super::assemble::{DroppingRule, Part, WidestRows, assemble};
+use super::level::HeatLevel;
 use chladni_algebra::SparseMatrix;
 use chladni_base::{Cancelled, Monitor};
 
@@ -30,7 +30,7 @@ pub(super) struct Heat {
     pub steps: usize,
     pub time: f32,
     pub margin: f32,
-    pub kept: Kept,
+    pub dropping: DroppingRule,
     pub tolerance: f32,
 }
 
@@ -38,7 +38,7 @@ pub(super) struct Heat {
 /// columns reach everywhere; rows are not normalised. `peaks` is a vertex in the middle of each column; panels are
 /// gathered around them.
 pub(super) fn diffuse(
-    level: &Level,
+    level: &HeatLevel,
     columns: &SparseMatrix<f32>,
     peaks: &[u32],
     heat: &Heat,
@@ -55,12 +55,12 @@ pub(super) fn diffuse(
         Ok(Part { lanes: lanes.clone(), vertices: patch.vertices, values })
     };
     let scratch = || Scratch::new(level.vertices());
-    let (most, entries) = (heat.kept.most_entries(columns.rows()), AtomicUsize::new(0));
+    let (most, entries) = (heat.dropping.most_entries(columns.rows()), AtomicUsize::new(0));
     let parts: Result<Vec<Part>, Ended> = panels
         .par_iter()
         .map_init(scratch, |scratch, lanes| {
             let part = solve(scratch, lanes).map_err(Ended::Cancelled)?;
-            let own = part.entries(&heat.kept);
+            let own = part.entries(&heat.dropping);
             if entries.fetch_add(own, Ordering::Relaxed) + own > most { Err(Ended::Everywhere) } else { Ok(part) }
         })
         .collect();
@@ -72,14 +72,14 @@ pub(super) fn diffuse(
             done.store(0, Ordering::Relaxed);
             let rows = Mutex::new(WidestRows::new(columns.rows()));
             panels.par_iter().map_init(scratch, &solve).try_for_each(|part| {
-                rows.lock().unwrap_or_else(PoisonError::into_inner).add(&part?, &heat.kept);
+                rows.lock().unwrap_or_else(PoisonError::into_inner).add(&part?, &heat.dropping);
                 Ok(())
             })?;
             return Ok(rows.into_inner().unwrap_or_else(PoisonError::into_inner).finish(columns));
         }
     };
     monitor.checkpoint()?;
-    Ok(assemble(columns, &parts, &heat.kept))
+    Ok(assemble(columns, &parts, &heat.dropping))
 }
 
 /// Why not all panels are there.
@@ -216,7 +216,7 @@ struct Patch {
 }
 
 impl Patch {
-    fn grow(level: &Level, supports: &Supports, lanes: &[u32], heat: &Heat, scratch: &mut Scratch) -> Self {
+    fn grow(level: &HeatLevel, supports: &Supports, lanes: &[u32], heat: &Heat, scratch: &mut Scratch) -> Self {
         let Scratch { distance, local } = scratch;
         let mut vertices: Vec<u32> = Vec::new();
         for &lane in lanes {
@@ -263,7 +263,7 @@ impl Patch {
         patch
     }
 
-    fn restrict(level: &Level, vertices: Vec<u32>, time: f32, local: &[u32]) -> Self {
+    fn restrict(level: &HeatLevel, vertices: Vec<u32>, time: f32, local: &[u32]) -> Self {
         let n = vertices.len();
         let (mut root, mut share) = (Vec::with_capacity(n), Vec::with_capacity(n));
         for &v in &vertices {

@@ -5,7 +5,7 @@
 //! of all, to the last bit.
 
 use super::coarsen::Coarsening;
-use super::level::Level;
+use super::level::HeatLevel;
 use super::polish::{self, Smoother, Thinning};
 use super::shrink;
 use chladni_algebra::SparseMatrix;
@@ -30,7 +30,7 @@ enum Way {
 }
 
 struct Step {
-    fine: Level,
+    fine: HeatLevel,
     coarsening: Coarsening,
     /// Columns on the coarse level.
     columns: SparseMatrix<f32>,
@@ -49,7 +49,7 @@ impl Diffused {
 
     /// Columns on the coarse level of `coarsening`, and the peaks that they had.
     pub(super) fn on_level(
-        (mut fine, mut coarsening): (Level, Coarsening),
+        (mut fine, mut coarsening): (HeatLevel, Coarsening),
         columns: SparseMatrix<f32>,
         smoother: Smoother,
         thinning: Thinning,

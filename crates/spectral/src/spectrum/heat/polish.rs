@@ -10,7 +10,7 @@ use chladni_algebra::simd::{Arch, Simd, WithSimd};
 use chladni_base::parallel::*;
 
 use super::coarsen::Coarsening;
-use super::level::Level;
+use super::level::HeatLevel;
 use super::shrink::push_row;
 use chladni_algebra::SparseMatrix;
 use chladni_base::{Cancelled, Monitor, Spare};
@@ -48,7 +48,7 @@ pub(super) struct Thinning {
 
 /// Brings `columns` from the coarse level of `coarsening` to `fine`, smooths and thins them out. Rows sum to 1.
 pub(super) fn prolong(
-    fine: &Level,
+    fine: &HeatLevel,
     coarsening: &Coarsening,
     columns: &SparseMatrix<f32>,
     smoother: &Smoother,
@@ -60,7 +60,7 @@ pub(super) fn prolong(
 }
 
 /// The blocks that are smoothed by themselves, and the factor of each row of the stiffness.
-pub(super) fn prepared(fine: &Level, coarsening: &Coarsening, smoother: &Smoother) -> (Vec<Vec<u32>>, Vec<f32>) {
+pub(super) fn prepared(fine: &HeatLevel, coarsening: &Coarsening, smoother: &Smoother) -> (Vec<Vec<u32>>, Vec<f32>) {
     let n = fine.vertices();
     // Where the fine mesh is no finer than the coarse one there is nothing to smooth: time steps are limited.
     let limit = coarsening.reach * coarsening.reach / 16.0;
@@ -70,7 +70,7 @@ pub(super) fn prepared(fine: &Level, coarsening: &Coarsening, smoother: &Smoothe
 
 /// The rows of [`prolong`] that are wanted, by blocks and factors that are [`prepared`]; the others are empty.
 pub(super) fn rows(
-    (fine, coarsening, columns): (&Level, &Coarsening, &SparseMatrix<f32>),
+    (fine, coarsening, columns): (&HeatLevel, &Coarsening, &SparseMatrix<f32>),
     (blocks, scales): (&[Vec<u32>], &[f32]),
     wanted: Option<&[bool]>,
     (smoother, thinning): (&Smoother, &Thinning),
@@ -106,7 +106,7 @@ pub(super) fn rows(
 }
 
 /// The factor of a row of the stiffness; 0 where the value is kept.
-fn scale(level: &Level, v: usize, limit: f32) -> f32 {
+fn scale(level: &HeatLevel, v: usize, limit: f32) -> f32 {
     if level.edges(v).len() > HUB {
         return 0.0;
     }
@@ -189,7 +189,7 @@ struct Part {
 
 /// What blocks are smoothed with.
 struct Smoothing<'a> {
-    fine: &'a Level,
+    fine: &'a HeatLevel,
     coarsening: &'a Coarsening,
     columns: &'a SparseMatrix<f32>,
     /// The factor of each row of the stiffness.

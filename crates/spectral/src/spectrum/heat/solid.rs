@@ -7,8 +7,8 @@
 
 use chladni_base::parallel::*;
 
-use super::assemble::Kept;
-use super::level::Level;
+use super::assemble::DroppingRule;
+use super::level::HeatLevel;
 use super::{HeatError, HeatParameters, panel, peaks, shrink};
 use crate::operator::EigenProblem;
 use chladni_algebra::SparseMatrix;
@@ -72,7 +72,7 @@ pub fn smooth_in_solid(
     monitor.checkpoint()?;
     let width = (d.max(1) as f64).cbrt().recip();
     let least = parameters.threshold.max(parameters.drop) as f32;
-    let mut level = Level::finest(problem, connectivity)?;
+    let mut level = HeatLevel::finest(problem, connectivity)?;
     let shares = shares(&level);
     // What no row keeps in the end need not be carried.
     let smallest = least * shares.par_iter().copied().reduce(|| 1.0, f32::min);
@@ -80,7 +80,7 @@ pub fn smooth_in_solid(
         steps: parameters.steps,
         time: (parameters.time * width * width) as f32,
         margin: (parameters.margin * (parameters.steps as f64 * parameters.time).sqrt() * width) as f32,
-        kept: Kept { least: smallest.max(0.01 * least), signed: true, most: MOST },
+        dropping: DroppingRule { least: smallest.max(0.01 * least), signed: true, most: MOST },
         tolerance: parameters.tolerance as f32,
     };
     level.mass.iter_mut().zip(&level.diagonal).for_each(|(mass, s)| *mass = mass.max(LEAST_MASS * heat.time * s));
@@ -91,7 +91,7 @@ pub fn smooth_in_solid(
 }
 
 /// The share of the threshold that holds at each vertex: 1, and less where it is stiff.
-fn shares(level: &Level) -> Vec<f32> {
+fn shares(level: &HeatLevel) -> Vec<f32> {
     let stiffness: Vec<f32> = level
         .diagonal
         .par_iter()

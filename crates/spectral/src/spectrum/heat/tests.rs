@@ -3,7 +3,7 @@
 use super::*;
 use crate::operator::MassKind;
 use crate::operator::laplace::assemble;
-use crate::spectrum::hsim::{self, HsimParameters, Wanted};
+use crate::spectrum::hsim::{self, HsimParameters, Selection};
 use crate::spectrum::radial::{self, Profile};
 use chladni_algebra::{CpuSolver, DenseMatrix, SymmetricDefiniteSolver, galerkin};
 use chladni_base::Unwatched;
@@ -95,9 +95,15 @@ fn solve_dense(mut a: Vec<f64>, mut b: Vec<f64>) -> Vec<f64> {
 fn heat_steps_agree_with_a_dense_solve() {
     let start = Start::new(noisy(&generate(Shape::Torus, 300).unwrap(), 0.2, 2).unwrap(), 20);
     let (n, time) = (start.mesh.positions.len(), 0.004);
-    let level = Level::finest(&start.problem, &start.connectivity).unwrap();
+    let level = HeatLevel::finest(&start.problem, &start.connectivity).unwrap();
     let peaks = peaks(&start.columns).unwrap().rows;
-    let heat = panel::Heat { steps: 2, time: time as f32, margin: 10.0, kept: Kept::positive(0.0), tolerance: 1e-6 };
+    let heat = panel::Heat {
+        steps: 2,
+        time: time as f32,
+        margin: 10.0,
+        dropping: DroppingRule::positive(0.0),
+        tolerance: 1e-6,
+    };
     let spread = panel::diffuse(&level, &start.columns, &peaks, &heat, &Unwatched).unwrap();
 
     let mass = start.problem.mass.lumped();
@@ -127,7 +133,7 @@ fn heat_steps_agree_with_a_dense_solve() {
 /// The lowest `count` eigenvalues of the mesh itself. Those of the sphere differ by up to .6 % at 10,000 vertices, more
 /// than what is tested.
 fn exact(start: &Start, count: usize) -> Vec<f64> {
-    let parameters = HsimParameters { wanted: Wanted::Count(count), tolerance: 1e-4, ..Default::default() };
+    let parameters = HsimParameters { selection: Selection::Count(count), tolerance: 1e-4, ..Default::default() };
     let pairs = hsim::solve(&start.mesh, &start.problem, &parameters, false, &Unwatched).unwrap();
     pairs.values.iter().map(|value| value * start.problem.area).collect()
 }
@@ -230,13 +236,13 @@ fn a_graded_mesh_is_coarsened_where_it_is_fine() {
 #[test]
 fn coarse_levels_keep_mass_and_interpolate_linear_functions() {
     let start = Start::new(generate(Shape::Rectangle, 8_000).unwrap(), 20);
-    let level = Level::finest(&start.problem, &start.connectivity).unwrap();
+    let level = HeatLevel::finest(&start.problem, &start.connectivity).unwrap();
     let positions: Vec<[f32; 3]> = start.mesh.positions.iter().map(|p| p.map(|x| x as f32)).collect();
     let surface = Surface { positions: &positions, triangles: &start.mesh.faces };
     let coarsening = Coarsening::new(&level, surface, 2, 0.05, &[], &Unwatched).unwrap();
     let coarse = coarsening.level.vertices();
     assert!(coarse * 5 < level.vertices() && coarse * 20 > level.vertices(), "{coarse} of {}", level.vertices());
-    let masses = |level: &Level| level.mass.iter().map(|&m| f64::from(m)).sum::<f64>();
+    let masses = |level: &HeatLevel| level.mass.iter().map(|&m| f64::from(m)).sum::<f64>();
     assert!((masses(&level) - masses(&coarsening.level)).abs() < 1e-4);
     // The energy of x on the rectangle of unit area: |∇x|² = 1 in the units of the mesh.
     let x = |v: usize| f64::from(coarsening.surface().positions[v][0]);
@@ -261,7 +267,7 @@ fn coarse_levels_keep_mass_and_interpolate_linear_functions() {
 }
 
 /// The least eigenvalue of a level's stiffness over its largest.
-fn least_over_largest(level: &Level) -> f64 {
+fn least_over_largest(level: &HeatLevel) -> f64 {
     let n = level.vertices();
     let mut matrix = DenseMatrix::zeros(n, n);
     for v in 0..n {
@@ -303,7 +309,7 @@ fn every_level_is_semi_definite_on_meshes_of_thin_triangles() {
         mesh.positions.iter_mut().for_each(|p| p[2] *= squeeze);
         let start = Start::new(mesh, 20);
         let peaks = peaks(&start.columns).unwrap().rows;
-        let level = Level::finest(&start.problem, &start.connectivity).unwrap();
+        let level = HeatLevel::finest(&start.problem, &start.connectivity).unwrap();
         let unit = 1.0 / start.problem.area.sqrt();
         let positions: Vec<[f32; 3]> = start.mesh.positions.iter().map(|p| p.map(|x| (x * unit) as f32)).collect();
         let surface = Surface { positions: &positions, triangles: &start.mesh.faces };
@@ -325,14 +331,19 @@ fn diffused_columns_obey_the_maximum_principle_beside_needles() {
         mesh.positions[face[0] as usize] =
             std::array::from_fn(|k| (1.0 - height) * 0.5 * (q[k] + r[k]) + height * p[k]);
         let start = Start::new(mesh, 40);
-        let mut level = Level::finest(&start.problem, &start.connectivity).unwrap();
+        let mut level = HeatLevel::finest(&start.problem, &start.connectivity).unwrap();
         if level.is_stiff() {
             let unit = 1.0 / start.problem.area.sqrt();
             let positions: Vec<[f32; 3]> = start.mesh.positions.iter().map(|p| p.map(|x| (x * unit) as f32)).collect();
             level.take_weights(Surface { positions: &positions, triangles: &start.mesh.faces });
         }
-        let heat =
-            panel::Heat { steps: 4, time: 0.05 / 40.0, margin: 1.0, kept: Kept::positive(1e-4), tolerance: 3e-3 };
+        let heat = panel::Heat {
+            steps: 4,
+            time: 0.05 / 40.0,
+            margin: 1.0,
+            dropping: DroppingRule::positive(1e-4),
+            tolerance: 3e-3,
+        };
         let tops = peaks(&start.columns).unwrap().rows;
         let spread = panel::diffuse(&level, &start.columns, &tops, &heat, &Unwatched).unwrap();
         let highest = |columns: &SparseMatrix<f32>| columns.values().iter().copied().fold(0.0, f32::max);

@@ -24,7 +24,7 @@ use super::outliers;
 use super::scout::{NEGLIGIBLE, Scout, fills_in};
 use super::solve::{Aim, Begun, Columns, Finest, Task, aim, within};
 use super::tuning::TUNING;
-use super::{Eigenpairs, HsimError, HsimParameters, Wanted};
+use super::{Eigenpairs, HsimError, HsimParameters, Selection};
 use crate::operator::EigenProblem;
 
 /// Values that differ by less than this share of the width of all are taken for one, such as those of rigid motions.
@@ -49,14 +49,14 @@ pub(in crate::spectrum) fn solve(
 ) -> Result<Bare, HsimError> {
     parameters.check()?;
     let n = problem.size();
-    if let Wanted::Count(count) = parameters.wanted
+    if let Selection::Count(count) = parameters.selection
         && count > n
     {
         return Err(HsimError::Count { wanted: count, most: n });
     }
     monitor.stage("hierarchy");
     monitor.checkpoint()?;
-    let finest = in_order(problem, parameters.wanted, monitor)?;
+    let finest = in_order(problem, parameters.selection, monitor)?;
     Bench {
         problem,
         parameters,
@@ -86,7 +86,7 @@ struct Bench<'a> {
 
 impl Begun {
     /// The same with the vectors of the kernel, which come first: where one is known, no eigenvalue lies below zero.
-    fn beside(self, kernel: &Kernel<'_>) -> Self {
+    fn with_kernel(self, kernel: &Kernel<'_>) -> Self {
         let known = kernel.dimension();
         let mut vectors = kernel.basis(known);
         vectors.widen(known + self.values.len());
@@ -103,7 +103,7 @@ impl Bench<'_> {
             Err(error) if error.is_of_the_iteration() => {
                 self.monitor.note(FALLBACKS, &format!("spaces of several shifts: {error}"));
                 self.monitor.stage("repair");
-                let finest = in_order(self.problem, self.parameters.wanted, self.monitor)?;
+                let finest = in_order(self.problem, self.parameters.selection, self.monitor)?;
                 // What is told of the first start is worth more than that the second leads nowhere either.
                 self.solve(finest, Start::Below)
                     .map_err(|again| if again.is_of_the_iteration() { error } else { again })
@@ -115,7 +115,7 @@ impl Bench<'_> {
     fn solve(&self, mut finest: Finest, start: Start) -> Result<Bare, HsimError> {
         let n = finest.level.size();
         let (goal, wanted) =
-            match aim(&finest, self.parameters.wanted, |bound| bound, known(&finest.level), self.monitor)? {
+            match aim(&finest, self.parameters.selection, |bound| bound, known(&finest.level), self.monitor)? {
                 Aim::Nothing(count) => {
                     let pairs = nothing(&self.mesh, self.problem, n, count, 0.0);
                     return Ok(Bare { pairs, moved: 0.0 });
@@ -126,7 +126,7 @@ impl Bench<'_> {
         let mut moved = self.distance(&finest, &begun, wanted);
         if moved != 0.0 && known(&finest.level) > 0 {
             // Zero is no end of what is wanted then: its vectors are columns like others.
-            begun = begun.beside(&Kernel::new(&finest.level));
+            begun = begun.with_kernel(&Kernel::new(&finest.level));
             finest.level.component.fill(NO_KERNEL);
             moved = self.distance(&finest, &begun, wanted);
         }
@@ -170,14 +170,14 @@ impl Bench<'_> {
                 return Ok(Begun { values, vectors, columns: Columns::Solved });
             }
             if start == Start::Spaces && lanczos::has_room(n, pairs, tolerance) {
-                let wanted = lanczos::Wanted::lowest(n, pairs, q, tolerance, seed);
+                let wanted = lanczos::KrylovRequest::lowest(n, pairs, q, tolerance, seed);
                 let found = if kernel == 0 {
                     outliers::start(of, &known, &mut scout, wanted, self.monitor)?
                 } else {
                     let found = lanczos::start(of.0, of.1, &known, wanted, self.monitor)?;
                     found.map(|found| (found, Columns::Ritz))
                 };
-                if let Some((lanczos::Found { values, vectors, .. }, columns)) = found {
+                if let Some((lanczos::KrylovPairs { values, vectors, .. }, columns)) = found {
                     if kernel > 0 && values.first().is_some_and(|&value| value < -NEGLIGIBLE * scout.spread()) {
                         finest.level.component.fill(NO_KERNEL);
                         continue;
@@ -224,15 +224,15 @@ impl Bench<'_> {
     fn iterate(&self, finest: &Finest, begun: Begun, wanted: usize, moved: f64) -> Result<Bare, HsimError> {
         let (n, kernel) = (finest.level.size(), Kernel::new(&finest.level));
         let up = |bound: f64| bound + moved;
-        let wanted_there = match self.parameters.wanted {
-            Wanted::Count(count) => Wanted::Count(count),
-            Wanted::Below { bound, most } => Wanted::Below { bound: up(bound), most },
-            Wanted::Between { from, to, most } => Wanted::Between { from: up(from), to: up(to), most },
+        let selection = match self.parameters.selection {
+            Selection::Count(count) => Selection::Count(count),
+            Selection::Below { bound, most } => Selection::Below { bound: up(bound), most },
+            Selection::Between { from, to, most } => Selection::Between { from: up(from), to: up(to), most },
         };
-        let parameters = HsimParameters { wanted: wanted_there, ..*self.parameters };
-        let goal = match wanted_there {
-            Wanted::Count(count) => Goal::Count(count),
-            Wanted::Below { bound, .. } | Wanted::Between { to: bound, .. } => Goal::Below(bound),
+        let parameters = HsimParameters { selection, ..*self.parameters };
+        let goal = match selection {
+            Selection::Count(count) => Goal::Count(count),
+            Selection::Below { bound, .. } | Selection::Between { to: bound, .. } => Goal::Below(bound),
         };
         let task = Task {
             mesh: &self.mesh,
@@ -248,7 +248,7 @@ impl Bench<'_> {
         let values: Vec<f64> = begun.values.iter().map(|&value| up(value)).collect();
         let solved = task.solve_or_begin_again(begun.vectors, values, None, begun.columns);
         let (mut pairs, report) = solved.map_err(|error| down(error, moved))?;
-        within(&pairs, parameters.wanted)?;
+        within(&pairs, parameters.selection)?;
         pairs.levels = vec![report];
         move_back(&mut pairs, &finest.level.mass, moved);
         Ok(Bare { pairs, moved })
@@ -287,11 +287,11 @@ fn known(level: &Level) -> usize {
 
 /// The problem in a fill-reducing order, and the components on which constants are in its kernel. Those are told by row
 /// sums; with a mass that is not diagonal they are left to the iteration, since it may couple components.
-pub(super) fn in_order(problem: &EigenProblem, wanted: Wanted, monitor: &dyn Monitor) -> Result<Finest, HsimError> {
+pub(super) fn in_order(problem: &EigenProblem, wanted: Selection, monitor: &dyn Monitor) -> Result<Finest, HsimError> {
     let n = problem.size();
     let columns = match wanted {
-        Wanted::Count(count) => hierarchy::columns(count, n),
-        Wanted::Below { .. } | Wanted::Between { .. } => 128,
+        Selection::Count(count) => hierarchy::columns(count, n),
+        Selection::Below { .. } | Selection::Between { .. } => 128,
     };
     let order = fill_reducing_order(&problem.stiffness, ordering(&problem.stiffness, columns))?;
     monitor.checkpoint()?;

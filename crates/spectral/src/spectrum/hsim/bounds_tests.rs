@@ -6,7 +6,7 @@ use chladni_base::{Cancelled, Monitor, Unwatched};
 use chladni_mesh::shape::{Shape, generate};
 
 use super::tests::{below, copies, count, exact, laplacian, rough, solved};
-use super::{HsimError, HsimParameters, Wanted, solve};
+use super::{HsimError, HsimParameters, Selection, solve};
 use crate::basis::completeness;
 
 #[derive(Default)]
@@ -29,8 +29,8 @@ fn pairs_of_an_interval_come_with_the_index_of_the_first() {
     let truth = exact(&problem, 120);
     let middle = |k: usize| 0.5 * (truth[k - 1] + truth[k]);
     let ask = |from: f64, to: f64, most: usize| {
-        let wanted = Wanted::Between { from, to, most };
-        let parameters = HsimParameters { wanted, tolerance: 1e-6, ..HsimParameters::default() };
+        let selection = Selection::Between { from, to, most };
+        let parameters = HsimParameters { selection, tolerance: 1e-6, ..HsimParameters::default() };
         solve(&mesh, &problem, &parameters, false, &Unwatched)
     };
     // Below the kernel, behind it, in the middle, and where nothing is; the gaps are those of the pairs of equal

@@ -2,7 +2,7 @@
 
 use std::mem::take;
 
-use super::{Eigenpairs, HsimError, Wanted};
+use super::{Eigenpairs, HsimError, Selection};
 use crate::basis::{Certificate, Interval, completeness};
 
 impl Eigenpairs {
@@ -11,16 +11,16 @@ impl Eigenpairs {
     ///
     /// # Errors
     /// [`HsimError::Unproven`] where the counts do not cover the pairs.
-    pub fn take_certificate(&mut self, wanted: Wanted, tolerance: f64) -> Result<Certificate, HsimError> {
+    pub fn take_certificate(&mut self, wanted: Selection, tolerance: f64) -> Result<Certificate, HsimError> {
         let complete = completeness(self.first, &self.values, &self.inertia);
         if complete != Some(true) {
             let reason = "the inertia counts do not cover the pairs".to_owned();
             return Err(HsimError::Unproven { reason });
         }
         let bounds = match wanted {
-            Wanted::Count(_) => None,
-            Wanted::Below { bound, .. } => Some((None, bound)),
-            Wanted::Between { from, to, .. } => Some((Some(from), to)),
+            Selection::Count(_) => None,
+            Selection::Below { bound, .. } => Some((None, bound)),
+            Selection::Between { from, to, .. } => Some((Some(from), to)),
         };
         Ok(Certificate {
             complete,

@@ -32,7 +32,7 @@ pub(super) struct Proof {
 enum Outcome {
     Proven(Count),
     /// More pairs have to converge first: so many beside the kernel.
-    Wanted(usize),
+    MorePairs(usize),
     /// A count is larger than the number of values below it, which is this.
     Missing(Count, usize),
     /// No count could be trusted.
@@ -61,7 +61,7 @@ pub(super) fn complete(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan, s
         }
         match attempt(iteration, goal, &plan)? {
             Outcome::Proven(above) => return Ok(Proof { above, below_cluster: None }),
-            Outcome::Wanted(wanted) => plan.wanted = wanted,
+            Outcome::MorePairs(wanted) => plan.wanted = wanted,
             Outcome::Doubtful(reason) => return Err(HsimError::Unproven { reason }),
             Outcome::Missing(count, found) => {
                 let (missing, shift) = (count.below - found, count.shift);
@@ -125,7 +125,7 @@ fn attempt(iteration: &mut Iteration<'_>, goal: Goal, plan: &Plan) -> Result<Out
             // The last wanted pair belongs to a cluster: what is counted with it has to converge with it.
             let all = Plan { wanted: columns, ..*plan };
             if !iteration.unconverged(&all).is_empty() {
-                return Ok(Outcome::Wanted(columns));
+                return Ok(Outcome::MorePairs(columns));
             }
         }
         iteration.monitor.stage("certify");

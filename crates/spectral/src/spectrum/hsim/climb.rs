@@ -16,7 +16,7 @@ use super::offset;
 use super::slices;
 use super::solve::{Aim, Begun, Columns, Finest, Task, aim, within};
 use super::tuning::TUNING;
-use super::{Eigenpairs, HsimError, HsimParameters, LevelReport, Variant, Wanted, published};
+use super::{Eigenpairs, HsimError, HsimParameters, LevelReport, Selection, Variant, published};
 use crate::operator::EigenProblem;
 use crate::spectrum::envelope::on_all_vertices;
 
@@ -35,7 +35,7 @@ pub fn solve(
     keep_space: bool,
     monitor: &dyn Monitor,
 ) -> Result<Eigenpairs, HsimError> {
-    Climb::new(mesh, problem, parameters, Given::Nothing, keep_space, monitor)?.solve()
+    Climb::new(mesh, problem, parameters, InitialData::Nothing, keep_space, monitor)?.solve()
 }
 
 /// The same with a given finest nested space, `n × d` with a row for each unknown, which is kept beside the pairs; the
@@ -54,7 +54,7 @@ pub fn solve_with_space(
         let reason = format!("a space with {} rows is not of a problem with {} unknowns", space.rows(), problem.size());
         return Err(HsimError::Parameter { name: "space", reason });
     }
-    Climb::new(mesh, problem, parameters, Given::Space(space), true, monitor)?.solve()
+    Climb::new(mesh, problem, parameters, InitialData::Space(space), true, monitor)?.solve()
 }
 
 /// Whether the lowest `count` pairs of a problem of a size are taken from one dense eigenproblem, without a start.
@@ -85,17 +85,17 @@ pub fn solve_from(
     (vectors, values): (PanelMatrix, Vec<f64>),
     monitor: &dyn Monitor,
 ) -> Result<Eigenpairs, HsimError> {
-    let few = matches!(parameters.wanted, Wanted::Count(count) if count > vectors.columns());
+    let few = matches!(parameters.selection, Selection::Count(count) if count > vectors.columns());
     if vectors.rows() != problem.size() || vectors.columns() != values.len() || few {
         let (rows, columns) = (vectors.rows(), vectors.columns());
         let reason = format!("{columns} columns with {rows} rows are not a valid start for these pairs");
         return Err(HsimError::Parameter { name: "start", reason });
     }
-    Climb::new(mesh, problem, parameters, Given::Start(vectors, values), false, monitor)?.solve()
+    Climb::new(mesh, problem, parameters, InitialData::Start(vectors, values), false, monitor)?.solve()
 }
 
 /// What a caller brings along.
-enum Given<'a> {
+enum InitialData<'a> {
     Nothing,
     /// The finest nested space.
     Space(&'a SparseMatrix<f32>),
@@ -155,22 +155,22 @@ impl<'a> Climb<'a> {
         mesh: &'a TriangleMesh,
         problem: &'a EigenProblem,
         parameters: &'a HsimParameters,
-        given: Given<'a>,
+        initial: InitialData<'a>,
         keep_space: bool,
         monitor: &'a dyn Monitor,
     ) -> Result<Self, HsimError> {
         parameters.check()?;
-        let (mut base, offset) = base_level(mesh, problem, !matches!(given, Given::Start(..)))?;
-        let (space, begun) = match given {
-            Given::Nothing => (None, None),
-            Given::Space(space) => (Some(space), None),
-            Given::Start(vectors, values) => {
+        let (mut base, offset) = base_level(mesh, problem, !matches!(initial, InitialData::Start(..)))?;
+        let (space, begun) = match initial {
+            InitialData::Nothing => (None, None),
+            InitialData::Space(space) => (Some(space), None),
+            InitialData::Start(vectors, values) => {
                 base.component.fill(NO_KERNEL);
                 (None, Some((vectors, values)))
             }
         };
-        match parameters.wanted {
-            Wanted::Count(count) if count > base.size() => {
+        match parameters.selection {
+            Selection::Count(count) if count > base.size() => {
                 return Err(HsimError::Count { wanted: count, most: base.size() });
             }
             _ => {}
@@ -190,7 +190,7 @@ impl<'a> Climb<'a> {
         parameters: &'a HsimParameters,
         monitor: &'a dyn Monitor,
     ) -> Result<Self, HsimError> {
-        Self::new(mesh, problem, parameters, Given::Nothing, false, monitor)
+        Self::new(mesh, problem, parameters, InitialData::Nothing, false, monitor)
     }
 
     fn solve(mut self) -> Result<Eigenpairs, HsimError> {
@@ -198,7 +198,7 @@ impl<'a> Climb<'a> {
         self.monitor.checkpoint()?;
         let (finest, above) = self.finest()?;
         let (goal, wanted) =
-            match aim(&finest, self.parameters.wanted, |bound| self.bound(bound), self.known, self.monitor)? {
+            match aim(&finest, self.parameters.selection, |bound| self.bound(bound), self.known, self.monitor)? {
                 Aim::Nothing(count) => {
                     return Ok(nothing(self.mesh, self.problem, self.base.size(), count, self.offset));
                 }
@@ -210,7 +210,7 @@ impl<'a> Climb<'a> {
             && let Some(Begun { values, vectors, columns }) = task.krylov_start()?
         {
             let (mut pairs, report) = task.solve_or_begin_again(vectors, values, None, columns)?;
-            within(&pairs, self.parameters.wanted)?;
+            within(&pairs, self.parameters.selection)?;
             pairs.levels = vec![report];
             return Ok(pairs);
         }
@@ -222,7 +222,7 @@ impl<'a> Climb<'a> {
         let space = self.kept_space(space);
         let columns = if reports.is_empty() { Columns::Solved } else { Columns::Rough };
         let (mut pairs, report) = task.solve_or_begin_again(vectors, values, plain, columns)?;
-        within(&pairs, self.parameters.wanted)?;
+        within(&pairs, self.parameters.selection)?;
         reports.push(report);
         (pairs.levels, pairs.space) = (reports, space);
         Ok(pairs)
@@ -271,7 +271,7 @@ impl<'a> Climb<'a> {
     /// known, and levels need no factor of the mesh.
     fn finest(&self) -> Result<(Finest, Above), HsimError> {
         let n = self.base.size();
-        let Wanted::Count(count) = self.parameters.wanted else {
+        let Selection::Count(count) = self.parameters.selection else {
             return Ok((Finest::new(&self.base, hierarchy::columns(100, n), self.monitor)?, Above::Left));
         };
         let q = self.columns(count);
@@ -284,8 +284,8 @@ impl<'a> Climb<'a> {
 
     /// The mesh in the order in which it is factored, without levels above it.
     pub fn finest_alone(&self) -> Result<Finest, HsimError> {
-        let columns = match self.parameters.wanted {
-            Wanted::Count(count) => self.columns(count),
+        let columns = match self.parameters.selection {
+            Selection::Count(count) => self.columns(count),
             _ => hierarchy::columns(100, self.base.size()),
         };
         Finest::new(&self.base, columns, self.monitor)
@@ -303,8 +303,8 @@ impl<'a> Climb<'a> {
         let base = &self.base;
         let dense = || hierarchy::sizes(dense_rows(&base.stiffness, &base.mass), self.columns(wanted), None).is_empty();
         let (n, pairs, tolerance) = (base.size(), self.nontrivial(wanted), self.parameters.tolerance);
-        let pays = || lanczos::pays(n, pairs, tolerance) || slices::pays(n, pairs, tolerance);
-        self.may_take_krylov_space() && pays() && !dense()
+        let is_cheaper = || lanczos::is_cheaper(n, pairs, tolerance) || slices::is_cheaper(n, pairs, tolerance);
+        self.may_take_krylov_space() && is_cheaper() && !dense()
     }
 
     /// Solves `q` columns on the levels above the mesh; nothing where there are to be none.

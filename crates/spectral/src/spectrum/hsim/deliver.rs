@@ -7,7 +7,7 @@ use chladni_mesh::TriangleMesh;
 
 use super::certify::{Goal, Proof};
 use super::iterate::Iteration;
-use super::judge::{Count, Found, Verdict, certify};
+use super::judge::{Candidates, Count, Verdict, certify};
 use super::judge_slices::certify_segments;
 use super::{CutCluster, Eigenpairs, HsimError, InertiaCount, LevelReport, OnBound};
 use crate::operator::EigenProblem;
@@ -111,7 +111,7 @@ fn judged(
             Goal::Count(wanted) => wanted,
             Goal::Below(bound) => iteration.values.partition_point(|&value| value < bound),
         };
-        let found = Found {
+        let found = Candidates {
             level: iteration.level,
             vectors: &iteration.vectors,
             values: &iteration.values,

@@ -110,7 +110,7 @@ pub fn repair_bytes(rows: u64) -> u64 {
 /// The pairs beside the kernel that a dense solve gives where an iteration from `columns` columns failed, as
 /// [`dense_pairs`]: all there are, or as many as the largest problem of one block that is repaired has rows. `None`
 /// where that would take too long.
-pub(super) fn instead(
+pub(super) fn dense_fallback(
     level: &Level,
     columns: usize,
     kernel: usize,

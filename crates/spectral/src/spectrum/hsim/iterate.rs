@@ -271,7 +271,7 @@ impl<'a> Iteration<'a> {
             let rotation;
             (values, rotation) = ritz(stiffness, gram, vectors.columns(), monitor)?;
             accelerator.rotate(&mut vectors, resident, &rotation, monitor)?;
-            if defect(&vectors, &level.mass, monitor)? <= LARGEST_DEFECT {
+            if defect(&vectors, &level.mass, monitor)? <= WORKING_DEFECT {
                 break;
             }
         }
@@ -431,7 +431,7 @@ impl<'a> Iteration<'a> {
             tasks
                 .into_par_iter()
                 .try_for_each_init(Vec::new, |scratch, (panel, factor)| inverse_iterations(factor, panel, scratch))?;
-            self.note(factors);
+            self.record_inertia(factors);
         }
         self.solve_apart(apart, columns, inverse_iterations)
     }
@@ -456,7 +456,7 @@ impl<'a> Iteration<'a> {
     }
 
     /// Writes down the inertia of new factors, and keeps them as long as they take no more room than the columns.
-    fn note(&mut self, factors: Vec<(f64, Factor<'a>)>) {
+    fn record_inertia(&mut self, factors: Vec<(f64, Factor<'a>)>) {
         let room = self.level.size() * self.values.len();
         for (shift, factor) in factors {
             self.inertia.push(Count::of(self.level, shift, &factor));
@@ -503,7 +503,7 @@ fn taken_out(strays: impl IntoIterator<Item = Strays>, columns: &PanelMatrix) ->
 const EXACT: f64 = 1e-12;
 
 /// Columns that are farther from orthonormal are made so again.
-const LARGEST_DEFECT: f64 = 1e-10;
+const WORKING_DEFECT: f64 = 1e-10;
 
 /// A column of which a projection leaves less than this share is lost in rounding errors.
 const LOST: f64 = 1e-10;

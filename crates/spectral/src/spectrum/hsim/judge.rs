@@ -56,7 +56,7 @@ impl Count {
 
 /// Pairs that are to be judged.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Found<'a> {
+pub(super) struct Candidates<'a> {
     pub level: &'a Level,
     /// All pairs below the shift of `count`, by ascending value; more than are delivered where the last of those
     /// belongs to a cluster. Where there is a count below that cluster, those that are delivered.
@@ -94,7 +94,7 @@ pub(super) struct Verdict {
 }
 
 /// The largest defect of orthonormality that is delivered.
-pub(super) const LARGEST_DEFECT: f64 = 1e-9;
+pub(super) const LARGEST_DELIVERED_DEFECT: f64 = 1e-9;
 
 /// Couplings `x_iᵀ(S − θM)x_j` above this share of the largest value are none of rounding.
 const LARGEST_COUPLING: f64 = 1e-9;
@@ -111,8 +111,8 @@ pub(super) const AS_GOOD_AS_ZERO: f64 = 0.5;
 /// # Errors
 /// [`HsimError::Incomplete`] where columns and count differ, [`HsimError::NotConverged`] and [`HsimError::Unproven`]
 /// where the columns are no such pairs.
-pub(super) fn certify(found: &Found<'_>, monitor: &dyn Monitor) -> Result<Verdict, HsimError> {
-    let Found { level, vectors, values, kernel, count, wanted, .. } = *found;
+pub(super) fn certify(found: &Candidates<'_>, monitor: &dyn Monitor) -> Result<Verdict, HsimError> {
+    let Candidates { level, vectors, values, kernel, count, wanted, .. } = *found;
     let k = values.len();
     let unproven = |reason: String| Err(HsimError::Unproven { reason });
     let before = found.floor.map_or(0, |floor| floor.below);
@@ -133,7 +133,7 @@ pub(super) fn certify(found: &Found<'_>, monitor: &dyn Monitor) -> Result<Verdic
     }
     let (stiffness, gram) = restrict(&level.stiffness, &level.mass, vectors, monitor)?;
     let defect = defect(&gram);
-    if !(defect <= LARGEST_DEFECT) {
+    if !(defect <= LARGEST_DELIVERED_DEFECT) {
         return unproven(format!("columns are {defect:e} away from orthonormal"));
     }
     let couplings = couplings(&stiffness, &gram, values);

@@ -4,7 +4,7 @@ use chladni_base::Monitor;
 
 use super::HsimError;
 use super::columns::defect;
-use super::judge::{Found, LARGEST_DEFECT, Verdict, certify};
+use super::judge::{Candidates, LARGEST_DELIVERED_DEFECT, Verdict, certify};
 use super::segments::Cuts;
 
 /// As [`certify`], segment by segment: with as many columns between two counts as eigenvalues, each is enclosed with
@@ -12,14 +12,18 @@ use super::segments::Cuts;
 ///
 /// # Errors
 /// As for [`certify`].
-pub(super) fn certify_segments(found: &Found<'_>, cuts: &Cuts, monitor: &dyn Monitor) -> Result<Verdict, HsimError> {
+pub(super) fn certify_segments(
+    found: &Candidates<'_>,
+    cuts: &Cuts,
+    monitor: &dyn Monitor,
+) -> Result<Verdict, HsimError> {
     let unproven = |reason: String| Err(HsimError::Unproven { reason });
-    if !(cuts.defect <= LARGEST_DEFECT) {
+    if !(cuts.defect <= LARGEST_DELIVERED_DEFECT) {
         return unproven(format!("columns of different segments are {:e} away from orthogonal", cuts.defect));
     }
     // What the bound is of is looked at as well, in some random directions.
     let measured = defect(found.vectors, &found.level.mass, monitor)?;
-    if !(measured <= LARGEST_DEFECT * found.values.len() as f64) {
+    if !(measured <= LARGEST_DELIVERED_DEFECT * found.values.len() as f64) {
         return unproven(format!("all columns together are {measured:e} away from orthonormal"));
     }
     let mut whole = Verdict {
@@ -40,7 +44,7 @@ pub(super) fn certify_segments(found: &Found<'_>, cuts: &Cuts, monitor: &dyn Mon
         }
         let segment = found.vectors.select_into(&(start..end).collect::<Vec<_>>(), &mut memory);
         let inside = |at: usize| at.clamp(start, end) - start;
-        let part = Found {
+        let part = Candidates {
             vectors: &segment,
             values: &found.values[start..end],
             kernel: &(inside(found.kernel.start)..inside(found.kernel.end)),

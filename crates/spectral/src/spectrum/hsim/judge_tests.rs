@@ -4,13 +4,13 @@ use chladni_algebra::{PANEL_WIDTH, PanelMatrix};
 use chladni_base::Unwatched;
 use chladni_mesh::shape::{Shape, generate, noisy};
 
-use super::{Count, Found, certify};
+use super::{Candidates, Count, certify};
 use crate::operator::{MassKind, laplace};
 use crate::spectrum::hsim::dense_pairs::dense_pairs;
 use crate::spectrum::hsim::kernel::Kernel;
 use crate::spectrum::hsim::level::Level;
 use crate::spectrum::hsim::offset::components;
-use crate::spectrum::hsim::{HsimError, HsimParameters, Wanted, solve};
+use crate::spectrum::hsim::{HsimError, HsimParameters, Selection, solve};
 
 /// The lowest pairs of a small torus, the kernel first, and the next value.
 fn pairs(mass: MassKind, count: usize) -> (Level, Vec<f64>, PanelMatrix, f64) {
@@ -35,7 +35,7 @@ fn pairs_are_certified_as_they_are_and_with_nothing_wrong() {
         let judge = |vectors: &PanelMatrix, values: &[f64], count: Count, wanted: usize| {
             let (tolerance, offset) = (1e-6, 0.0);
             certify(
-                &Found {
+                &Candidates {
                     level: &level,
                     vectors,
                     values,
@@ -99,7 +99,7 @@ fn a_count_below_a_cut_cluster_bounds_those_below_and_those_of_it() {
         let judge = |low: Count, count: Count| {
             let (below_cluster, kernel) = (Some(low), &(0..1));
             let (values, vectors) = (&values, &vectors);
-            let found = Found {
+            let found = Candidates {
                 level: &level,
                 vectors,
                 values,
@@ -134,11 +134,11 @@ fn a_bound_on_an_eigenvalue_or_beside_it_gives_a_whole_number_of_pairs() {
     let mesh = generate(Shape::Sphere, 12).unwrap();
     for mass in [MassKind::Barycentric, MassKind::Voronoi, MassKind::Consistent] {
         let problem = laplace::assemble(&mesh, mass).unwrap();
-        let ask = |wanted| {
-            let parameters = HsimParameters { wanted, tolerance: 1e-8, ..HsimParameters::default() };
+        let ask = |selection| {
+            let parameters = HsimParameters { selection, tolerance: 1e-8, ..HsimParameters::default() };
             solve(&mesh, &problem, &parameters, false, &Unwatched).unwrap().values
         };
-        let values = ask(Wanted::Count(12));
+        let values = ask(Selection::Count(12));
         for (k, value) in values.iter().enumerate().skip(1) {
             for (bound, least, most) in [
                 (*value, 0, 12),
@@ -146,7 +146,7 @@ fn a_bound_on_an_eigenvalue_or_beside_it_gives_a_whole_number_of_pairs() {
                 (value * (1.0 - 1e-9), values.partition_point(|v| *v < value * (1.0 - 1e-12)), 0),
                 (value * (1.0 + 1e-9), values.partition_point(|v| *v < value * (1.0 + 1e-12)), 0),
             ] {
-                let found = ask(Wanted::Below { bound, most: 12 });
+                let found = ask(Selection::Below { bound, most: 12 });
                 let (least, most) = if most == 0 { (least, least) } else { (least, most) };
                 assert!((least..=most).contains(&found.len()), "{mass:?}, {k}: {} below {bound}", found.len());
                 assert!(found.iter().zip(&values).all(|(a, b)| (a - b).abs() <= 1e-10 * b.abs().max(values[1])), "{k}");

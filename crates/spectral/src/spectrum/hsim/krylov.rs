@@ -20,7 +20,7 @@ const SPENT: f64 = 1e-8;
 
 /// Pairs to start from where nothing is known of the level but its matrices, or where another start led nowhere: as
 /// [`start`], with a shift below the lowest eigenvalue, which counts find.
-pub(super) fn afresh(
+pub(super) fn start_without_guess(
     (level, symbolic): (&Level, &SymbolicFactor),
     kernel: &Kernel<'_>,
     columns: usize,

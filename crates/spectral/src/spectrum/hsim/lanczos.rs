@@ -18,14 +18,14 @@ use chladni_base::{Monitor, Quiet, SplitMix64};
 
 use super::HsimError;
 use super::kernel::Kernel;
+pub(super) use super::krylov_request::{KrylovRequest, Leave};
 use super::level::Level;
 use super::scout::Scout;
 use super::tuning::TUNING;
-pub(super) use super::wanted::{Leave, Wanted};
 
 /// What was found.
 #[derive(Debug)]
-pub(super) struct Found {
+pub(super) struct KrylovPairs {
     /// Ritz values beside the kernel from the first wanted one on, ascending.
     pub values: Vec<f64>,
     /// Their vectors, orthonormal up to rounding, or as far as was asked for.
@@ -70,7 +70,7 @@ const LEAST: f64 = 5e-3;
 
 /// Whether so many pairs of a level of a size, with such residuals, are had for less in a Krylov space than from a
 /// hierarchy.
-pub(super) fn pays(size: usize, pairs: usize, tolerance: f64) -> bool {
+pub(super) fn is_cheaper(size: usize, pairs: usize, tolerance: f64) -> bool {
     (tolerance <= TUNING.krylov.loose || size <= TUNING.krylov.large) && has_room(size, pairs, tolerance)
 }
 
@@ -112,9 +112,9 @@ pub(super) fn start(
     level: &Level,
     symbolic: &SymbolicFactor,
     kernel: &Kernel<'_>,
-    wanted: Wanted,
+    wanted: KrylovRequest,
     monitor: &dyn Monitor,
-) -> Result<Option<Found>, HsimError> {
+) -> Result<Option<KrylovPairs>, HsimError> {
     let of = (wanted.pairs, kernel.dimension());
     let mut scout = Scout::new(level, symbolic, monitor);
     let Some(shift) = scout.middle(of, wanted.least_shift, monitor)? else { return Ok(None) };
@@ -125,7 +125,7 @@ pub(super) fn start(
     scout.keep_storage(shift.factor);
     let Some(shift) = scout.strict_middle(of, wanted.least_shift, monitor)? else { return Ok(None) };
     // Clusters have to be gone through before what lies far below them shows.
-    let wanted = Wanted { most: wanted.most.max(for_clusters(level.size())), ..wanted };
+    let wanted = KrylovRequest { most: wanted.most.max(for_clusters(level.size())), ..wanted };
     pairs_or_none(level, symbolic, kernel, &shift, wanted, monitor)
 }
 
@@ -140,9 +140,9 @@ pub(super) fn pairs_or_none(
     symbolic: &SymbolicFactor,
     kernel: &Kernel<'_>,
     shift: &Shift<'_>,
-    wanted: Wanted,
+    wanted: KrylovRequest,
     monitor: &dyn Monitor,
-) -> Result<Option<Found>, HsimError> {
+) -> Result<Option<KrylovPairs>, HsimError> {
     match pairs(level, symbolic, kernel, shift, wanted, &mut Vec::new(), monitor) {
         Err(HsimError::Numerical(_)) => Ok(None),
         found => found,
@@ -157,10 +157,10 @@ pub(super) fn pairs(
     symbolic: &SymbolicFactor,
     kernel: &Kernel<'_>,
     shift: &Shift<'_>,
-    wanted: Wanted,
+    wanted: KrylovRequest,
     memory: &mut Vec<Vec<f64>>,
     monitor: &dyn Monitor,
-) -> Result<Option<Found>, HsimError> {
+) -> Result<Option<KrylovPairs>, HsimError> {
     let mut space = Space::new(level, symbolic, kernel, shift, wanted, std::mem::take(memory), monitor)?;
     let most = wanted.most;
     let latest = first_look(wanted.pairs, wanted.tolerance);
@@ -187,7 +187,7 @@ pub(super) fn pairs(
         let complete = down && chosen.len() >= wanted.pairs;
         match pending.count() {
             left if complete && left <= wanted.leave.most(wanted.pairs, look == most, (look - first) / ONE_LOOK) => {
-                return Ok(Some(Found { left, ..space.vectors(&ritz, &chosen, memory)? }));
+                return Ok(Some(KrylovPairs { left, ..space.vectors(&ritz, &chosen, memory)? }));
             }
             _ if look == most => return Ok(None),
             _ => look = (look + between).min(most),
@@ -237,7 +237,7 @@ impl<'a> Space<'a> {
         symbolic: &'a SymbolicFactor,
         kernel: &'a Kernel<'a>,
         shift: &'a Shift<'a>,
-        wanted: Wanted,
+        wanted: KrylovRequest,
         memory: Vec<Vec<f64>>,
         monitor: &'a dyn Monitor,
     ) -> Result<Self, HsimError> {
@@ -451,7 +451,7 @@ impl<'a> Space<'a> {
     /// It is orthogonal to the space: what becomes of a Ritz vector `x` is `y = T x / ν = x + Q f`, with the next block
     /// `Q`. So `YᵀMY = I + FᵀF`, and from `(S − μM) T = M` follows `Yᵀ(S − μM)Y = diag(1 / ν)`: the Ritz pairs of their
     /// span are those of a small pencil.
-    fn vectors(mut self, ritz: &Ritz, chosen: &[usize], memory: &mut Vec<Vec<f64>>) -> Result<Found, HsimError> {
+    fn vectors(mut self, ritz: &Ritz, chosen: &[usize], memory: &mut Vec<Vec<f64>>) -> Result<KrylovPairs, HsimError> {
         let (m, q) = (self.columns(), chosen.len());
         let mut coefficients = DenseMatrix::zeros(m + KRYLOV_WIDTH, q);
         let mut rests = DenseMatrix::zeros(KRYLOV_WIDTH, q);
@@ -481,7 +481,7 @@ impl<'a> Space<'a> {
         drop(self.open);
         self.memory.extend(rotate_and_spare(&mut self.basis, &coefficients, self.monitor)?);
         *memory = self.memory;
-        Ok(Found { values, vectors: self.basis, left: 0 })
+        Ok(KrylovPairs { values, vectors: self.basis, left: 0 })
     }
 }
 

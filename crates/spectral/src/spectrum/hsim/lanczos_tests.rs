@@ -4,7 +4,7 @@ use chladni_base::Unwatched;
 use chladni_mesh::shape::{Shape, generate};
 
 use super::super::tests::{copies, count, exact, laplacian, rough, solved};
-use super::super::{HsimParameters, Wanted, solve};
+use super::super::{HsimParameters, Selection, solve};
 use super::*;
 use crate::operator::{Boundary, MassKind, OperatorKind, OperatorParameters, assemble};
 
@@ -62,7 +62,7 @@ fn a_hierarchy_and_a_krylov_space_agree() {
     assert!(first.levels.len() == 1 && second.levels.len() == 3);
     agree(&first.values, &second.values, 1e-12, "levels");
     let bound = 0.5 * (first.values[40] + first.values[41]);
-    let below = HsimParameters { wanted: Wanted::Below { bound, most: 50 }, ..count(1, 1e-8) };
+    let below = HsimParameters { selection: Selection::Below { bound, most: 50 }, ..count(1, 1e-8) };
     let below = solved(&mesh, &problem, &below, "below");
     assert_eq!(below.values.len(), 41);
     agree(&below.values, &second.values, 1e-12, "below");

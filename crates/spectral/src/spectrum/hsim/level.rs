@@ -4,7 +4,7 @@
 use chladni_algebra::{FactorError, MassMatrix, Ordering, SparseMatrix, fill_reducing_order, galerkin};
 use chladni_base::{Cancelled, Monitor};
 
-use crate::spectrum::local::{self, Places};
+use crate::spectrum::local::{self, PositionedGraph};
 
 /// An eigenproblem of the hierarchy; rows are in a fill-reducing order.
 #[derive(Debug, Clone)]
@@ -128,7 +128,7 @@ fn farther_apart(
     Ok((best.0, radius.max(wide)))
 }
 
-impl Places for Level {
+impl PositionedGraph for Level {
     fn size(&self) -> usize {
         self.stiffness.rows()
     }

@@ -19,6 +19,7 @@ mod judge;
 mod judge_slices;
 mod kernel;
 mod krylov;
+mod krylov_request;
 mod lanczos;
 mod level;
 mod null_space;
@@ -36,7 +37,6 @@ mod slices;
 mod solve;
 mod stiff;
 mod tuning;
-mod wanted;
 
 use serde::{Deserialize, Serialize};
 
@@ -48,7 +48,7 @@ use super::radial::RadialError;
 
 /// Which eigenpairs are wanted.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Wanted {
+pub enum Selection {
     /// The lowest so many, the kernel included.
     Count(usize),
     /// All whose eigenvalue lies below this, in the unit of the eigenvalues (1/length² of the input, for a mesh); at
@@ -91,7 +91,7 @@ pub enum Variant {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HsimParameters {
     /// Which pairs.
-    pub wanted: Wanted,
+    pub selection: Selection,
     /// Largest residual `‖S x − θ M x‖ / ‖S x‖` (4.6) of a pair that counts as converged: 1e-10 to 0.5.
     pub tolerance: f64,
     /// The algorithm.
@@ -255,13 +255,13 @@ impl HsimParameters {
             }
             Err(HsimError::Parameter { name, reason: format!("must be between {least} and {most}, not {value}") })
         };
-        match self.wanted {
-            Wanted::Count(count) => within("count", count as f64, 1.0, f64::from(u32::MAX))?,
-            Wanted::Below { bound, most } => {
+        match self.selection {
+            Selection::Count(count) => within("count", count as f64, 1.0, f64::from(u32::MAX))?,
+            Selection::Below { bound, most } => {
                 within("below", bound, -MOST_BOUND, MOST_BOUND)?;
                 within("at_most", most as f64, 1.0, f64::from(u32::MAX))?;
             }
-            Wanted::Between { from, to, most } => {
+            Selection::Between { from, to, most } => {
                 within("between", to, -MOST_BOUND, MOST_BOUND)?;
                 within("at_most", most as f64, 1.0, f64::from(u32::MAX))?;
                 if !(from < to && from.is_finite()) {
@@ -283,7 +283,7 @@ const MOST_BOUND: f64 = 1e300;
 impl Default for HsimParameters {
     fn default() -> Self {
         Self {
-            wanted: Wanted::Count(100),
+            selection: Selection::Count(100),
             tolerance: 1e-2,
             variant: Variant::default(),
             levels: None,

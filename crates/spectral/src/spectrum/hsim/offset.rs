@@ -17,7 +17,7 @@ const ROUNDINGS: f64 = 1e-12;
 const FAR_BELOW: f64 = -5e5;
 
 /// A potential that varies by no more than this share of its distance from zero is a constant and something beside it.
-const BESIDE: f64 = 0.01;
+const NEARLY_CONSTANT: f64 = 0.01;
 
 /// The stiffness without the largest multiple of the mass that leaves no row with a negative sum, and that multiple:
 /// for the Laplacian plus a potential it is the least value of the potential, and no eigenvalue of what is left is
@@ -33,7 +33,7 @@ pub(in crate::spectrum) fn taken_off(stiffness: &SparseMatrix, mass: &MassMatrix
         let potential = if sum.abs() > error { sum / mass } else { 0.0 };
         (least, most) = (least.min(potential), most.max(potential));
     }
-    let far_below = most < FAR_BELOW && most - least < BESIDE * most.abs();
+    let far_below = most < FAR_BELOW && most - least < NEARLY_CONSTANT * most.abs();
     let offset = least;
     if !(offset.is_finite() && (offset > 0.0 || far_below)) {
         return None;

@@ -12,7 +12,9 @@ use chladni_base::Monitor;
 use super::HsimError;
 use super::cuts::{FEW, Part};
 use super::kernel::Kernel;
-use super::lanczos::{self, Found, Leave, NUMBERS_FOR_CLUSTERS, Wanted, for_clusters, most, pairs_or_none};
+use super::lanczos::{
+    self, KrylovPairs, KrylovRequest, Leave, NUMBERS_FOR_CLUSTERS, for_clusters, most, pairs_or_none,
+};
 use super::level::Level;
 use super::scout::{Scout, Window};
 use super::solve::Columns;
@@ -24,9 +26,9 @@ pub(super) fn start(
     of: (&Level, &SymbolicFactor),
     kernel: &Kernel<'_>,
     scout: &mut Scout<'_>,
-    wanted: Wanted,
+    wanted: KrylovRequest,
     monitor: &dyn Monitor,
-) -> Result<Option<(Found, Columns)>, HsimError> {
+) -> Result<Option<(KrylovPairs, Columns)>, HsimError> {
     // A count may lie on an eigenvalue, as a shift may: another start serves then.
     match of_one_or_several(of, kernel, scout, wanted, monitor) {
         Err(HsimError::Numerical(_)) => Ok(None),
@@ -38,9 +40,9 @@ fn of_one_or_several(
     (level, symbolic): (&Level, &SymbolicFactor),
     kernel: &Kernel<'_>,
     scout: &mut Scout<'_>,
-    wanted: Wanted,
+    wanted: KrylovRequest,
     monitor: &dyn Monitor,
-) -> Result<Option<(Found, Columns)>, HsimError> {
+) -> Result<Option<(KrylovPairs, Columns)>, HsimError> {
     // What follows tells how far apart the last ones lie.
     let columns = wanted.columns.min(level.size());
     let mut window = None;
@@ -115,10 +117,10 @@ fn of_parts(
     kernel: &Kernel<'_>,
     scout: &mut Scout<'_>,
     parts: &[Part],
-    wanted: Wanted,
+    wanted: KrylovRequest,
     monitor: &dyn Monitor,
-) -> Result<Option<(Found, Columns)>, HsimError> {
-    let mut all = Found { values: Vec::new(), vectors: PanelMatrix::zeros(level.size(), 0), left: 0 };
+) -> Result<Option<(KrylovPairs, Columns)>, HsimError> {
+    let mut all = KrylovPairs { values: Vec::new(), vectors: PanelMatrix::zeros(level.size(), 0), left: 0 };
     for part in parts {
         // Beyond the wanted pairs, a count needs to know what comes next.
         let is_guard = part.from >= wanted.pairs;
@@ -130,7 +132,7 @@ fn of_parts(
         let columns = if is_last { wanted.columns - part.from } else { part.count };
         // Few pairs may be next to thousands of others.
         let most = most(level.size(), pairs).max(for_clusters(level.size()));
-        let of = Wanted { from: part.from, pairs, columns, most, leave: Leave::WhenFull, ..wanted };
+        let of = KrylovRequest { from: part.from, pairs, columns, most, leave: Leave::WhenFull, ..wanted };
         let mut found = None;
         // Where the middle is a cluster, its vectors are all that a space holds; from below, all clusters are alike.
         for is_in_the_middle in [true, false] {

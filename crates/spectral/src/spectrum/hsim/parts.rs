@@ -153,7 +153,7 @@ impl<'a> Parted<'a> {
         }
         let finest = climb.finest_alone()?;
         let (goal, wanted) =
-            match aim(&finest, parameters.wanted, |bound| climb.bound(bound), climb.known, climb.monitor)? {
+            match aim(&finest, parameters.selection, |bound| climb.bound(bound), climb.known, climb.monitor)? {
                 Aim::Nothing(_) => return unsuited("no eigenvalue lies below the bound"),
                 Aim::Pairs(goal, wanted) => (goal, wanted),
             };
@@ -230,7 +230,7 @@ impl<'a> Parted<'a> {
         let Self { finest: Finest { level, symbolic, order }, plan, climb, .. } = self;
         let (from, pairs) = plan.pairs_of(slice);
         let (begin, end) = (plan.begin(slice), plan.begin(slice + 1));
-        let whole = lanczos::Wanted::lowest(level.size(), plan.pairs, plan.pairs, plan.tolerance, plan.seed);
+        let whole = lanczos::KrylovRequest::lowest(level.size(), plan.pairs, plan.pairs, plan.tolerance, plan.seed);
         let target = target(begin, (end - begin) as f64);
         let first = (scout.distance(target.below), whole.least_shift);
         let Some(shift) = scout.shift_below(&target, first, kernel.dimension(), climb.monitor)? else {
@@ -239,7 +239,7 @@ impl<'a> Parted<'a> {
         climb.monitor.detail(&format!("slice of pairs {from} to {} of {}", from + pairs, plan.pairs));
         let wanted = one_slice(level.size(), whole, (from, pairs), slice);
         let found = lanczos::pairs(level, symbolic, kernel, &shift, wanted, memory, climb.monitor)?;
-        let Some(lanczos::Found { values, vectors, .. }) = found else {
+        let Some(lanczos::KrylovPairs { values, vectors, .. }) = found else {
             return Ok(Err(slices::not_contained(from, pairs)));
         };
         let Count { shift: at, below, radius } = slices::count_at(level, kernel, &shift);
@@ -307,7 +307,7 @@ impl<'a> Parted<'a> {
     ) -> Result<Eigenpairs, PartError> {
         let task = self.climb.task(&self.finest, kernel, self.goal, self.wanted);
         let (mut pairs, report) = task.solve_or_begin_again(vectors, values, None, Columns::Sliced(cuts))?;
-        within(&pairs, self.climb.parameters.wanted)?;
+        within(&pairs, self.climb.parameters.selection)?;
         pairs.levels = vec![report];
         Ok(pairs)
     }

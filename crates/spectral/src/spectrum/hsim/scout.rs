@@ -91,7 +91,7 @@ impl Window {
 }
 
 /// A distance that was tried, and the eigenvalues counted within it.
-type Tried = Option<(f64, usize)>;
+type CountedDistance = Option<(f64, usize)>;
 
 /// How many eigenvalues are to lie below a shift: aimed at, good enough, and good enough after some shifts.
 #[derive(Debug, Clone)]
@@ -161,7 +161,7 @@ impl<'a> Scout<'a> {
             return self.tighten(base, high, false, semidefinite);
         }
         let mut at = self.distance(wanted as f64).max(zero).min(spread);
-        let (mut few, mut many): (Tried, Tried) = (None, None);
+        let (mut few, mut many): (CountedDistance, CountedDistance) = (None, None);
         for _ in 0..MOST {
             monitor.checkpoint()?;
             let found = self.count(base + at)?;
@@ -281,7 +281,7 @@ impl<'a> Scout<'a> {
     ) -> Result<Option<Shift<'a>>, HsimError> {
         let spread = self.spread();
         let mut at = first.clamp(least * spread, spread);
-        let (mut few, mut many): (Tried, Tried) = (None, None);
+        let (mut few, mut many): (CountedDistance, CountedDistance) = (None, None);
         let most = match (self.is_sparse(), target.enough == target.at_last) {
             (true, true) => MOST_STRICTLY,
             (true, false) => MOST_SPARSE,
@@ -437,7 +437,7 @@ fn shares(shares: std::ops::RangeInclusive<f64>, wanted: usize) -> std::ops::Ran
 }
 
 /// The next distance to try for a number of eigenvalues, from one with too few and one with too many.
-fn next(few: Tried, many: Tried, target: f64) -> f64 {
+fn next(few: CountedDistance, many: CountedDistance, target: f64) -> f64 {
     match (few, many) {
         (Some((low, below)), Some((high, above))) if below > 0 => {
             // A power law through both, kept inside.

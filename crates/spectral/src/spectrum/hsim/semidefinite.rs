@@ -17,7 +17,7 @@ use super::lanczos;
 use super::level::NO_KERNEL;
 use super::solve::{Columns, Finest, Task};
 use super::tuning::TUNING;
-use super::{Eigenpairs, HsimError, HsimParameters, Wanted};
+use super::{Eigenpairs, HsimError, HsimParameters, Selection};
 use crate::operator::EigenProblem;
 
 /// The least shift, as a share of the largest eigenvalue: a single triangle that is thin makes that of an elastic
@@ -62,23 +62,23 @@ pub(in crate::spectrum) fn above_kernel(
 ) -> Result<Option<AboveKernel>, HsimError> {
     parameters.check()?;
     let (n, HsimParameters { tolerance, seed, .. }) = (problem.size(), *parameters);
-    let Wanted::Count(count) = parameters.wanted else { return Ok(None) };
+    let Selection::Count(count) = parameters.selection else { return Ok(None) };
     let Some(most) = krylov_columns(n, count, tolerance).filter(|_| kernel < count) else { return Ok(None) };
     let pairs = looked_for(count);
     monitor.stage("hierarchy");
     monitor.checkpoint()?;
-    let mut finest = in_order(problem, parameters.wanted, monitor)?;
+    let mut finest = in_order(problem, parameters.selection, monitor)?;
     // Translations along all axes at once would be taken for constants.
     finest.level.component.fill(NO_KERNEL);
     monitor.stage("iterate");
-    let wanted = lanczos::Wanted::lowest(n, pairs, hierarchy::columns(pairs, n), tolerance, seed);
+    let wanted = lanczos::KrylovRequest::lowest(n, pairs, hierarchy::columns(pairs, n), tolerance, seed);
     let (leave, zeros) = (lanczos::Leave::WhenFull, Some(kernel));
-    let wanted = lanczos::Wanted { most, least_shift: LEAST_SHIFT, leave, zeros, ..wanted };
+    let wanted = lanczos::KrylovRequest { most, least_shift: LEAST_SHIFT, leave, zeros, ..wanted };
     let found = {
         let Finest { level, symbolic, .. } = &finest;
         lanczos::start(level, symbolic, &Kernel::new(level), wanted, monitor)?
     };
-    let Some(lanczos::Found { values, vectors, .. }) = found else { return Ok(None) };
+    let Some(lanczos::KrylovPairs { values, vectors, .. }) = found else { return Ok(None) };
     let Some(&unit) = values.get(kernel).filter(|value| **value > 0.0 && value.is_finite()) else { return Ok(None) };
     let stiffness = &finest.level.stiffness;
     let divided = SparseMatrix::from_sorted_parts(
@@ -126,7 +126,7 @@ mod tests {
     }
 
     fn parameters(count: usize, tolerance: f64) -> HsimParameters {
-        HsimParameters { wanted: Wanted::Count(count), tolerance, ..HsimParameters::default() }
+        HsimParameters { selection: Selection::Count(count), tolerance, ..HsimParameters::default() }
     }
 
     #[test]

@@ -53,7 +53,7 @@ pub(super) const LOWEST: usize = 12;
 /// The block ends at `top`: values that lie much closer to it than to zero, as beside a large constant, are one where
 /// they are so beside that distance.
 pub(super) fn shift(values: &[f64], top: f64) -> f64 {
-    let values = bulk(values);
+    let values = without_outliers(values);
     let (least, most) = (values[0], values[values.len() - 1]);
     let unit = |value: f64| unit(value, least, top);
     let (middle, reach) = (0.5 * (least + most), 0.12 * (most - least));
@@ -65,7 +65,7 @@ pub(super) fn shift(values: &[f64], top: f64) -> f64 {
         Some(pair) if pair[1] - pair[0] > CLUSTER * unit(middle) => 0.5 * (pair[0] + pair[1]),
         _ if reach > CLUSTER * unit(middle) => middle,
         _ if least == 0.0 => -BELOW_ZERO,
-        _ => least - BESIDE * unit(least),
+        _ => least - CLUSTER_OFFSET * unit(least),
     }
 }
 
@@ -78,7 +78,7 @@ pub(super) fn unit(value: f64, least: f64, top: f64) -> f64 {
 
 /// Ascending values without those at the ends that lie so far out that the middle between the ends is not among the
 /// middle half of the values.
-fn bulk(mut values: &[f64]) -> &[f64] {
+fn without_outliers(mut values: &[f64]) -> &[f64] {
     loop {
         let (quarter, last) = (values.len() / 4, values.len() - 1);
         let middle = 0.5 * (values[0] + values[last]);
@@ -132,7 +132,7 @@ const NEXT_TO: f64 = 0.02;
 const ONE: f64 = 1e-7;
 
 /// How far below a cluster its shift lies, relative to it.
-const BESIDE: f64 = 3e-3;
+const CLUSTER_OFFSET: f64 = 3e-3;
 
 /// How far below zero the shift lies where nothing is known of any value: on unit area, the first positive one of the
 /// sphere is 25.

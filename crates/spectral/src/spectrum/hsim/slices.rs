@@ -13,7 +13,7 @@ use chladni_base::notes::FALLBACKS;
 use super::HsimError;
 use super::judge::Count;
 use super::kernel::Kernel;
-use super::lanczos::{self, Leave, Shift, Wanted};
+use super::lanczos::{self, KrylovRequest, Leave, Shift};
 use super::level::Level;
 use super::scout::{Scout, Target};
 use super::segments::{Assembly, DEPENDENT, Sliced};
@@ -31,7 +31,7 @@ const NEAR: f64 = 0.12;
 const NEAR_ENOUGH: f64 = 0.25;
 
 /// Whether so many pairs of a level of a size are had for less in slices than in one space.
-pub(super) fn pays(size: usize, pairs: usize, tolerance: f64) -> bool {
+pub(super) fn is_cheaper(size: usize, pairs: usize, tolerance: f64) -> bool {
     pairs >= TUNING.slices.fewest && lanczos::has_room(size, TUNING.slices.pairs, tolerance)
 }
 
@@ -40,7 +40,7 @@ pub(super) fn start(
     level: &Level,
     symbolic: &SymbolicFactor,
     kernel: &Kernel<'_>,
-    wanted: Wanted,
+    wanted: KrylovRequest,
     slice: usize,
     monitor: &dyn Monitor,
 ) -> Result<Option<Sliced>, HsimError> {
@@ -59,10 +59,15 @@ fn given_up(monitor: &dyn Monitor, reason: &str) -> Result<Option<Sliced>, HsimE
     Ok(None)
 }
 /// What a space is asked for that holds so many pairs of all that are wanted, from an index on: those of one slice.
-pub(super) fn one_slice(size: usize, whole: Wanted, (from, pairs): (usize, usize), number: usize) -> Wanted {
+pub(super) fn one_slice(
+    size: usize,
+    whole: KrylovRequest,
+    (from, pairs): (usize, usize),
+    number: usize,
+) -> KrylovRequest {
     let close = TUNING.slices.close * (TUNING.slices.close_up_to as f64 / (from + pairs) as f64).min(1.0);
     let (tolerance, more) = (whole.tolerance.min(close), pairs / 2 + PANEL_WIDTH);
-    Wanted {
+    KrylovRequest {
         from,
         // A slice with others on both sides takes more for each pair, and is one of several.
         most: lanczos::most(size, pairs).saturating_add(more).min(size / TUNING.krylov.largest_share),
@@ -79,7 +84,7 @@ pub(super) fn one_slice(size: usize, whole: Wanted, (from, pairs): (usize, usize
 
 struct Slices<'a> {
     symbolic: &'a SymbolicFactor,
-    wanted: Wanted,
+    wanted: KrylovRequest,
     slice: usize,
     /// The pairs so far.
     assembly: Assembly<'a>,

@@ -5,7 +5,7 @@ use chladni_base::{SplitMix64, Unwatched};
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::shape::Shape;
 
-use super::super::judge::Found;
+use super::super::judge::Candidates;
 use super::super::judge_slices::certify_segments;
 use super::super::offset::components;
 use super::super::ritz::ritz;
@@ -39,7 +39,7 @@ fn exact(level: &Level) -> Vec<f64> {
 fn slices(level: &Level, pairs: usize, slice: usize, tolerance: f64) -> Option<Sliced> {
     let symbolic = SymbolicFactor::new(&level.stiffness, &level.mass).unwrap();
     let kernel = Kernel::new(level);
-    let wanted = Wanted::lowest(level.size(), pairs, pairs, tolerance, 3);
+    let wanted = KrylovRequest::lowest(level.size(), pairs, pairs, tolerance, 3);
     start(level, &symbolic, &kernel, wanted, slice, &Unwatched).unwrap()
 }
 
@@ -63,7 +63,7 @@ fn judged(
     cuts: &Cuts,
 ) -> Result<super::super::judge::Verdict, HsimError> {
     let kernel = 0..Kernel::new(level).dimension();
-    let found = Found {
+    let found = Candidates {
         level,
         vectors,
         values,
@@ -191,7 +191,7 @@ fn enclosures_of_a_segment_hold_however_rough_its_pairs_are() {
             let (mut start, mut floor) = (0, None);
             for at in sliced.cuts.counts.iter().copied().chain([count]) {
                 let segment = vectors.select(&(start..at.below).collect::<Vec<_>>());
-                let part = Found {
+                let part = Candidates {
                     level: &level,
                     vectors: &segment,
                     values: &values[start..at.below],

@@ -21,14 +21,14 @@ use super::segments::{Cuts, Sliced};
 use super::shifts::count_near;
 use super::slices;
 use super::tuning::TUNING;
-use super::{Eigenpairs, HsimError, HsimParameters, LevelReport, Wanted, published};
+use super::{Eigenpairs, HsimError, HsimParameters, LevelReport, Selection, published};
 use crate::operator::EigenProblem;
 
 /// Refuses more pairs than an interval may have.
-pub(super) fn within(pairs: &Eigenpairs, wanted: Wanted) -> Result<(), HsimError> {
+pub(super) fn within(pairs: &Eigenpairs, wanted: Selection) -> Result<(), HsimError> {
     let found = pairs.first + pairs.values.len();
     match wanted {
-        Wanted::Below { most, .. } | Wanted::Between { most, .. } if found > most => {
+        Selection::Below { most, .. } | Selection::Between { most, .. } if found > most => {
             Err(HsimError::Count { wanted: found, most })
         }
         _ => Ok(()),
@@ -80,17 +80,17 @@ impl Task<'_> {
         monitor.stage("iterate");
         let columns = hierarchy::columns(nontrivial, level.size() - kernel.dimension());
         let (tolerance, seed) = (parameters.tolerance, parameters.seed);
-        let wanted = lanczos::Wanted::lowest(level.size(), nontrivial, columns, tolerance, seed);
-        if slices::pays(level.size(), nontrivial, tolerance) {
+        let wanted = lanczos::KrylovRequest::lowest(level.size(), nontrivial, columns, tolerance, seed);
+        if slices::is_cheaper(level.size(), nontrivial, tolerance) {
             // Some beyond the wanted ones, among which there is a gap to count in.
             let pairs = (nontrivial + TUNING.slices.beyond).min(columns);
-            let wanted = lanczos::Wanted { pairs, ..wanted };
+            let wanted = lanczos::KrylovRequest { pairs, ..wanted };
             let sliced = slices::start(level, symbolic, kernel, wanted, TUNING.slices.pairs, monitor)?;
             if let Some(Sliced { values, vectors, cuts }) = sliced {
                 return Ok(Some(Begun { values, vectors, columns: Columns::Sliced(cuts) }));
             }
         }
-        if !lanczos::pays(level.size(), nontrivial, tolerance) {
+        if !lanczos::is_cheaper(level.size(), nontrivial, tolerance) {
             return Ok(None);
         }
         let found = if kernel.dimension() == 0 {
@@ -102,7 +102,7 @@ impl Task<'_> {
         if found.is_none() {
             monitor.note(FALLBACKS, "a single Krylov space: it did not contain the pairs");
         }
-        Ok(found.map(|(lanczos::Found { values, vectors, .. }, columns)| Begun { values, vectors, columns }))
+        Ok(found.map(|(lanczos::KrylovPairs { values, vectors, .. }, columns)| Begun { values, vectors, columns }))
     }
 
     /// As [`Task::solve`]; where that leads nowhere, from all pairs of a dense solve if the problem is small, else from
@@ -122,7 +122,9 @@ impl Task<'_> {
         };
         monitor.note(FALLBACKS, &format!("first start: {error}"));
         let columns = hierarchy::columns(self.nontrivial, finest.level.size() - kernel.dimension());
-        if let Some((values, vectors)) = dense_pairs::instead(&finest.level, columns, kernel.dimension(), monitor)? {
+        if let Some((values, vectors)) =
+            dense_pairs::dense_fallback(&finest.level, columns, kernel.dimension(), monitor)?
+        {
             return self.solve(vectors, values, None, Columns::Solved);
         }
         if plain.is_some() {
@@ -135,7 +137,7 @@ impl Task<'_> {
         // way.
         if kernel.dimension() == 0 && !finest.level.positions.is_empty() {
             let HsimParameters { tolerance, seed, .. } = *self.parameters;
-            let wanted = lanczos::Wanted::lowest(finest.level.size(), self.nontrivial, columns, tolerance, seed);
+            let wanted = lanczos::KrylovRequest::lowest(finest.level.size(), self.nontrivial, columns, tolerance, seed);
             let mut scout = Scout::new(&finest.level, &finest.symbolic, monitor);
             let found = outliers::start(of, kernel, &mut scout, wanted, monitor)?;
             let solved = found.map(|(found, columns)| self.solve(found.vectors, found.values, None, columns));
@@ -147,7 +149,8 @@ impl Task<'_> {
                 None => {}
             }
         }
-        let (values, vectors) = krylov::afresh(of, kernel, columns, self.parameters.seed.wrapping_add(1), monitor)?;
+        let (values, vectors) =
+            krylov::start_without_guess(of, kernel, columns, self.parameters.seed.wrapping_add(1), monitor)?;
         self.solve(vectors, values, None, Columns::Rough)
     }
 
@@ -195,8 +198,8 @@ impl Task<'_> {
             goal: self.goal,
             tolerance: parameters.tolerance,
             offset: self.offset,
-            from: match parameters.wanted {
-                Wanted::Between { from, .. } => Some(from * self.problem.area - self.offset),
+            from: match parameters.selection {
+                Selection::Between { from, .. } => Some(from * self.problem.area - self.offset),
                 _ => None,
             },
             decide: false,
@@ -292,14 +295,14 @@ pub(super) enum Aim {
 /// [`HsimError::Count`], where far more pairs lie below a bound than may be delivered; those of a factor.
 pub(super) fn aim(
     finest: &Finest,
-    wanted: Wanted,
+    wanted: Selection,
     of: impl Fn(f64) -> f64,
     kernel: usize,
     monitor: &dyn Monitor,
 ) -> Result<Aim, HsimError> {
     let (bound, most) = match wanted {
-        Wanted::Count(count) => return Ok(Aim::Pairs(Goal::Count(count), count)),
-        Wanted::Below { bound, most } | Wanted::Between { to: bound, most, .. } => (of(bound), most),
+        Selection::Count(count) => return Ok(Aim::Pairs(Goal::Count(count), count)),
+        Selection::Below { bound, most } | Selection::Between { to: bound, most, .. } => (of(bound), most),
     };
     match estimate(finest, bound, kernel, monitor)? {
         Estimate::Nothing(count) => Ok(Aim::Nothing(count)),

@@ -10,7 +10,7 @@ use chladni_mesh::shape::{Shape, generate, noisy, renumbered};
 use crate::operator::{
     Boundary, EigenProblem, MassKind, OperatorKind, OperatorParameters, Potential, assemble as assemble_operator,
 };
-use crate::spectrum::hsim::{Eigenpairs, HsimError, HsimParameters, Variant, Wanted, solve};
+use crate::spectrum::hsim::{Eigenpairs, HsimError, HsimParameters, Selection, Variant, solve};
 
 pub(super) fn problem(mesh: &TriangleMesh, operator: OperatorKind, mass: MassKind, boundary: Boundary) -> EigenProblem {
     assemble_operator(mesh, &OperatorParameters { operator, mass, boundary }, &Unwatched).unwrap().problem
@@ -21,11 +21,11 @@ pub(super) fn laplacian(mesh: &TriangleMesh) -> EigenProblem {
 }
 
 pub(super) fn count(count: usize, tolerance: f64) -> HsimParameters {
-    HsimParameters { wanted: Wanted::Count(count), tolerance, ..HsimParameters::default() }
+    HsimParameters { selection: Selection::Count(count), tolerance, ..HsimParameters::default() }
 }
 
 pub(super) fn below(bound: f64, most: usize) -> HsimParameters {
-    HsimParameters { wanted: Wanted::Below { bound, most }, tolerance: 1e-6, ..HsimParameters::default() }
+    HsimParameters { selection: Selection::Below { bound, most }, tolerance: 1e-6, ..HsimParameters::default() }
 }
 
 /// The lowest eigenvalues by the dense solver, in the units of the input.
@@ -45,7 +45,7 @@ pub(super) fn solved(
 ) -> Eigenpairs {
     let pairs = solve(mesh, problem, parameters, false, &Unwatched).unwrap_or_else(|error| panic!("{what}: {error}"));
     let (n, m, vertices) = (problem.size(), pairs.values.len(), mesh.positions.len());
-    if let Wanted::Count(count) = parameters.wanted {
+    if let Selection::Count(count) = parameters.selection {
         assert_eq!(m, count, "{what}");
     }
     assert_eq!((pairs.vectors.rows(), pairs.vectors.columns()), (vertices, m), "{what}");
@@ -467,10 +467,10 @@ fn it_stops_at_whatever_checkpoint_it_is_told_to() {
 fn parameters_out_of_range_are_named() {
     let plain = HsimParameters::default();
     let cases = [
-        ("count", HsimParameters { wanted: Wanted::Count(0), ..plain }),
-        ("below", HsimParameters { wanted: Wanted::Below { bound: f64::NAN, most: 5 }, ..plain }),
-        ("below", HsimParameters { wanted: Wanted::Below { bound: f64::INFINITY, most: 5 }, ..plain }),
-        ("at_most", HsimParameters { wanted: Wanted::Below { bound: 1.0, most: 0 }, ..plain }),
+        ("count", HsimParameters { selection: Selection::Count(0), ..plain }),
+        ("below", HsimParameters { selection: Selection::Below { bound: f64::NAN, most: 5 }, ..plain }),
+        ("below", HsimParameters { selection: Selection::Below { bound: f64::INFINITY, most: 5 }, ..plain }),
+        ("at_most", HsimParameters { selection: Selection::Below { bound: 1.0, most: 0 }, ..plain }),
         ("tolerance", HsimParameters { tolerance: 0.0, ..plain }),
         ("tolerance", HsimParameters { tolerance: 1.0, ..plain }),
         ("tolerance", HsimParameters { tolerance: f64::NAN, ..plain }),

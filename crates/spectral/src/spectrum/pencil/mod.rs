@@ -1,14 +1,15 @@
 //! Any sparse symmetric pencil: `S x = λ M x`, without a mesh, positions, or anything else that is known of it.
 //!
 //! ```
-//! use chladni_spectral::spectrum::pencil::{Mass, Parameters, Pencil, Wanted, csr, solve};
+//! use chladni_spectral::spectrum::pencil::{Mass, Parameters, Pencil, PencilSelection, csr, solve};
 //! use chladni_spectral::Unwatched;
 //!
 //! // A path of four vertices: 2 − 2 cos(πk/4).
 //! let (offsets, columns) = ([0, 2, 5, 8, 10], [0, 1, 0, 1, 2, 1, 2, 3, 2, 3]);
 //! let entries = [1.0, -1.0, -1.0, 2.0, -1.0, -1.0, 2.0, -1.0, -1.0, 1.0];
 //! let pencil = Pencil::new(csr(4, 4, &offsets, &columns, &entries)?, Mass::Identity, &[], &Unwatched)?;
-//! let pairs = solve(&pencil, &Parameters { wanted: Wanted::Count(2), ..Parameters::default() }, &Unwatched)?;
+//! let parameters = Parameters { selection: PencilSelection::Count(2), ..Parameters::default() };
+//! let pairs = solve(&pencil, &parameters, &Unwatched)?;
 //!
 //! assert!(pairs.values[0].abs() < 1e-12 && (pairs.values[1] - (2.0 - 2f64.sqrt())).abs() < 1e-12);
 //! assert_eq!(pairs.certificate.complete, Some(true));
@@ -33,7 +34,7 @@ pub use matrices::Matrices;
 
 /// Which eigenpairs are wanted.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Wanted {
+pub enum PencilSelection {
     /// The lowest so many.
     Count(usize),
     /// All whose eigenvalue lies below this.
@@ -94,7 +95,7 @@ pub struct Pencil {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Parameters {
     /// Which pairs.
-    pub wanted: Wanted,
+    pub selection: PencilSelection,
     /// Largest residual `‖S x − λ M x‖ / ‖(S + cM) x‖` of a pair, 1e-10 to 0.5; `c` is [`Pairs::moved`]. Eigenvalues
     /// are as exact as its square.
     pub tolerance: f64,
@@ -104,7 +105,7 @@ pub struct Parameters {
 
 impl Default for Parameters {
     fn default() -> Self {
-        Self { wanted: Wanted::Count(6), tolerance: 1e-8, seed: 0 }
+        Self { selection: PencilSelection::Count(6), tolerance: 1e-8, seed: 0 }
     }
 }
 
@@ -311,40 +312,44 @@ fn power(number: f64, step: i32) -> f64 {
 /// [`PencilError`]: more pairs than there are, pairs that do not converge, stay missing or cannot be proven,
 /// cancellation.
 pub fn solve(pencil: &Pencil, parameters: &Parameters, monitor: &dyn Monitor) -> Result<Pairs, PencilError> {
-    let wanted = match parameters.wanted {
-        Wanted::Around { shift, count, most } => {
+    let selection = match parameters.selection {
+        PencilSelection::Around { shift, count, most } => {
             return nearest::solve(pencil, parameters, (shift, count, most), monitor);
         }
-        Wanted::Count(count) => hsim::Wanted::Count(count),
-        Wanted::Below { bound, most } => hsim::Wanted::Below { bound, most },
+        PencilSelection::Count(count) => hsim::Selection::Count(count),
+        PencilSelection::Below { bound, most } => hsim::Selection::Below { bound, most },
         // Told here in the numbers of whoever asked: the solver has its own scale.
-        Wanted::Between { from, to, .. } if !(from < to) => return Err(HsimError::empty_interval(from, to).into()),
-        Wanted::Between { from, to, most } => hsim::Wanted::Between { from, to, most },
+        PencilSelection::Between { from, to, .. } if !(from < to) => {
+            return Err(HsimError::empty_interval(from, to).into());
+        }
+        PencilSelection::Between { from, to, most } => hsim::Selection::Between { from, to, most },
     };
-    lowest(pencil, wanted, parameters, monitor)
+    lowest(pencil, selection, parameters, monitor)
 }
 
 /// The lowest pairs, in whatever way they are told.
 fn lowest(
     pencil: &Pencil,
-    wanted: hsim::Wanted,
+    selection: hsim::Selection,
     parameters: &Parameters,
     monitor: &dyn Monitor,
 ) -> Result<Pairs, PencilError> {
     let (value, _) = pencil.factors;
-    let inner = match wanted {
-        hsim::Wanted::Count(count) => hsim::Wanted::Count(count),
-        hsim::Wanted::Below { bound, most } => hsim::Wanted::Below { bound: bound / value, most },
-        hsim::Wanted::Between { from, to, most } => hsim::Wanted::Between { from: from / value, to: to / value, most },
+    let inner = match selection {
+        hsim::Selection::Count(count) => hsim::Selection::Count(count),
+        hsim::Selection::Below { bound, most } => hsim::Selection::Below { bound: bound / value, most },
+        hsim::Selection::Between { from, to, most } => {
+            hsim::Selection::Between { from: from / value, to: to / value, most }
+        }
     };
     let inner = HsimParameters {
-        wanted: inner,
+        selection: inner,
         tolerance: parameters.tolerance,
         seed: parameters.seed,
         ..HsimParameters::default()
     };
     let bare = hsim::solve_bare(&pencil.problem, &inner, monitor).map_err(|error| in_units(error, value))?;
-    Ok(pencil.delivered(bare.pairs, bare.moved, wanted, parameters.tolerance)?)
+    Ok(pencil.delivered(bare.pairs, bare.moved, selection, parameters.tolerance)?)
 }
 
 fn in_units(error: HsimError, value: f64) -> HsimError {
@@ -359,7 +364,7 @@ impl Pencil {
         &self,
         mut pairs: Eigenpairs,
         moved: f64,
-        wanted: hsim::Wanted,
+        selection: hsim::Selection,
         tolerance: f64,
     ) -> Result<Pairs, HsimError> {
         let (value, entry) = self.factors;
@@ -369,7 +374,7 @@ impl Pencil {
         for pair in &mut pairs.on_bounds {
             (pair.value, pair.within, pair.bound) = (pair.value * value, pair.within * value, pair.bound * value);
         }
-        let certificate = pairs.take_certificate(wanted, tolerance)?;
+        let certificate = pairs.take_certificate(selection, tolerance)?;
         let vectors = columns(pairs.vectors, self.rows, self.places.as_deref(), entry);
         Ok(Pairs { values: pairs.values, vectors, certificate, moved: moved * value })
     }

@@ -11,7 +11,7 @@ use chladni_base::Monitor;
 
 use super::{Pairs, Parameters, Pencil, PencilError, lowest};
 use crate::basis::{Around, CutCluster, InertiaCount, NearPair};
-use crate::spectrum::hsim::{self, HsimError, Wanted};
+use crate::spectrum::hsim::{self, HsimError, Selection};
 
 /// Columns of a typical solve, as far as the order of the factor goes.
 const COLUMNS: usize = 128;
@@ -40,7 +40,7 @@ pub(super) fn solve(
         if computed > most {
             return Err(HsimError::Count { wanted: computed, most }.into());
         }
-        let pairs = lowest(pencil, Wanted::Count(computed), parameters, monitor)?;
+        let pairs = lowest(pencil, Selection::Count(computed), parameters, monitor)?;
         // What lies next to the shift may have been counted on its other side: only pairs that are surely above it tell
         // that nothing nearer comes after.
         let enclosed = pairs.values.iter().zip(&pairs.certificate.bounds);

@@ -3,7 +3,7 @@
 use chladni_algebra::{CpuSolver, DenseMatrix, SparseMatrix, SymmetricDefiniteSolver, galerkin, solve_definite};
 use chladni_base::parallel::*;
 
-use super::{ElasticProblem, Found, FoundFunctions, Monitor, RigidMotions, VibrationError};
+use super::{ElasticProblem, FoundFunctions, Monitor, NonrigidModes, RigidMotions, VibrationError};
 
 /// Ritz pairs of the space from which rigid motions are taken out.
 pub(super) struct Ritz {
@@ -15,8 +15,8 @@ pub(super) struct Ritz {
 }
 
 impl Ritz {
-    pub fn into_found(self, space: SparseMatrix<f32>) -> Found {
-        Found {
+    pub fn into_found(self, space: SparseMatrix<f32>) -> NonrigidModes {
+        NonrigidModes {
             values: self.values,
             functions: FoundFunctions::Compact(space, self.coefficients),
             rigid: self.rigid,

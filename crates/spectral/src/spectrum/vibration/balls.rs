@@ -6,7 +6,7 @@ use chladni_base::parallel::*;
 use chladni_mesh::TetMesh;
 
 use super::{ElasticBody, ElasticProblem, Monitor, VibrationError};
-use crate::spectrum::local::{self, Places};
+use crate::spectrum::local::{self, PositionedGraph};
 
 /// About so many functions reach over each vertex.
 const OVERLAP: f64 = 16.0;
@@ -75,7 +75,7 @@ impl<'a> Graph<'a> {
     }
 }
 
-impl Places for Graph<'_> {
+impl PositionedGraph for Graph<'_> {
     fn size(&self) -> usize {
         self.offsets.len() - 1
     }

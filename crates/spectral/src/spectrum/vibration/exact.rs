@@ -14,11 +14,11 @@ use chladni_mesh::TriangleMesh;
 
 use super::approximate::modes as approximate;
 use super::{
-    ElasticBody, ElasticProblem, Found, FoundFunctions, Iterations, Monitor, RigidMotions, VibrationError, refined,
-    space,
+    ElasticBody, ElasticProblem, FoundFunctions, Iterations, Monitor, NonrigidModes, RigidMotions, VibrationError,
+    refined, space,
 };
 use crate::operator::EigenProblem;
-use crate::spectrum::hsim::{self, Eigenpairs, HsimError, HsimParameters, Wanted};
+use crate::spectrum::hsim::{self, Eigenpairs, HsimError, HsimParameters, Selection};
 
 pub(super) fn modes(
     body: ElasticBody<'_>,
@@ -28,12 +28,12 @@ pub(super) fn modes(
     tolerance: f64,
     seed: u64,
     monitor: &dyn Monitor,
-) -> Result<Found, VibrationError> {
+) -> Result<NonrigidModes, VibrationError> {
     let free = rigid.motions.len();
     let count = free + wanted;
     if wanted == 0 {
         let functions = FoundFunctions::Dense(PanelMatrix::zeros(elastic.problem.size(), 0));
-        return Ok(Found {
+        return Ok(NonrigidModes {
             values: Vec::new(),
             functions,
             rigid: DenseMatrix::zeros(free, 0),
@@ -47,7 +47,8 @@ pub(super) fn modes(
         faces: Vec::new(),
         ..Default::default()
     };
-    let parameters = HsimParameters { wanted: Wanted::Count(count), tolerance, seed, ..HsimParameters::default() };
+    let parameters =
+        HsimParameters { selection: Selection::Count(count), tolerance, seed, ..HsimParameters::default() };
     if hsim::is_dense(size, count) {
         let space = space::functions(body, elastic, elastic.moving.len(), false, seed, monitor)?;
         let unit = unit(approximate(elastic, rigid, &space, 1, monitor)?.values.first());
@@ -159,7 +160,7 @@ fn beside_rigid(
     pairs: Eigenpairs,
     unit: f64,
     monitor: &dyn Monitor,
-) -> Result<Found, VibrationError> {
+) -> Result<NonrigidModes, VibrationError> {
     let free = rigid.motions.len();
     let count = pairs.values.len();
     let kept: Vec<usize> = (free.min(count)..count).collect();
@@ -172,7 +173,7 @@ fn beside_rigid(
         .map(|count| serde_json::json!({"shift": (count.shift - 1.0) * physical, "below": count.below}))
         .collect();
     let worst = pairs.residuals.iter().copied().fold(0.0, f64::max);
-    Ok(Found {
+    Ok(NonrigidModes {
         values: kept.iter().map(|&k| (pairs.values[k] - 1.0) * unit).collect(),
         rigid: DenseMatrix::zeros(free, kept.len()),
         functions: FoundFunctions::Dense(vectors),

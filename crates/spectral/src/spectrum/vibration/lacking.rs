@@ -8,7 +8,7 @@
 use chladni_algebra::PanelMatrix;
 
 use super::refined::Refined;
-use super::{ElasticBody, ElasticProblem, Found, Iterations, Monitor, RigidMotions, VibrationError, exact};
+use super::{ElasticBody, ElasticProblem, Iterations, Monitor, NonrigidModes, RigidMotions, VibrationError, exact};
 use crate::spectrum::refine::Ordered;
 
 /// A value may lie above its eigenvalue by this many times its estimated error, as a share of the eigenvalue: twice
@@ -29,14 +29,14 @@ const MORE_COUNTS: usize = 4;
 
 /// What is asked of the modes.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Asked {
+pub(super) struct ModesRequest {
     pub iterations: Iterations,
     pub seed: u64,
 }
 
 /// Where eigenvalues are to be counted, and how many values are below.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Place {
+struct CountingShift {
     shift: f64,
     values: usize,
 }
@@ -48,20 +48,22 @@ pub(super) fn modes(
     elastic: &ElasticProblem,
     rigid: &RigidMotions,
     mut refined: Refined,
-    asked: Asked,
+    asked: ModesRequest,
     monitor: &dyn Monitor,
-) -> Result<Found, VibrationError> {
+) -> Result<NonrigidModes, VibrationError> {
     let mut counter = refined.counter.take();
-    let Some(place) = place(&refined).filter(|_| counter.is_some()) else { return Ok(refined.into_found(rigid)) };
+    let Some(counting) = counting_shift(&refined).filter(|_| counter.is_some()) else {
+        return Ok(refined.into_found(rigid));
+    };
     monitor.stage("certify");
     let free = rigid.motions.len();
     // A factor that fails says nothing about the modes.
     let count = |counter: &Option<Ordered>, shift: f64| {
         counter.as_ref().and_then(|counter| counter.below(shift).ok()).map(|below| below.saturating_sub(free))
     };
-    let below = count(&counter, place.shift);
+    let below = count(&counter, counting.shift);
     monitor.checkpoint()?;
-    let lacking = below.map_or(0, |below| below.saturating_sub(place.values));
+    let lacking = below.map_or(0, |below| below.saturating_sub(counting.values));
     let iterations = refined.iterations;
     if let Iterations::Until(most) = asked.iterations
         && (lacking > 0 || refined.largest_error() > most)
@@ -79,21 +81,21 @@ pub(super) fn modes(
     }
     if lacking > 0 {
         let last = refined.values.len() - 1;
-        let above = lower(refined.values[0], place.shift, last, |shift| count(&counter, shift), monitor)?;
+        let above = lower(refined.values[0], counting.shift, last, |shift| count(&counter, shift), monitor)?;
         let error = (refined.values[last] / above).sqrt() - 1.0;
         refined.errors.iter_mut().for_each(|own| *own = own.max(error));
     }
     let mut found = refined.into_found(rigid);
     if let Some(below) = below {
         found.certificate["inertia"] =
-            serde_json::json!([{"shift": place.shift * elastic.eigenvalue_scale, "below": free + below}]);
+            serde_json::json!([{"shift": counting.shift * elastic.eigenvalue_scale, "below": free + below}]);
         found.certificate["lacking"] = lacking.into();
     }
     Ok(found)
 }
 
 /// Modes of a Krylov space with what approximate ones say of themselves.
-fn standing_in(mut found: Found, iterations: usize, lacking: usize) -> Found {
+fn standing_in(mut found: NonrigidModes, iterations: usize, lacking: usize) -> NonrigidModes {
     // Of a frequency, half of that of its square.
     let error = found.certificate["largest_residual"].as_f64().map_or(TOLERANCE, |residual| 0.5 * residual);
     found.certificate = serde_json::json!({
@@ -109,7 +111,7 @@ fn standing_in(mut found: Found, iterations: usize, lacking: usize) -> Found {
 
 /// The highest gap between values that is wide enough for their errors, or else the widest; among the upper half, and
 /// that above the last.
-fn place(refined: &Refined) -> Option<Place> {
+fn counting_shift(refined: &Refined) -> Option<CountingShift> {
     let (values, errors) = (&refined.values, &refined.errors);
     let gap = |values_below: usize| {
         let low = values[values_below - 1];
@@ -119,11 +121,12 @@ fn place(refined: &Refined) -> Option<Place> {
         };
         let reached = high * (1.0 - SAFETY * error);
         let shift = 0.5 * (low + if reached > low { reached } else { high });
-        Some((Place { shift, values: values_below }, reached / low, high / low))
+        Some((CountingShift { shift, values: values_below }, reached / low, high / low))
     };
-    let gaps = || (1 + values.len() / 2..=values.len()).rev().filter_map(gap).filter(|(place, ..)| place.shift > 0.0);
+    let gaps =
+        || (1 + values.len() / 2..=values.len()).rev().filter_map(gap).filter(|(counting, ..)| counting.shift > 0.0);
     let first = gaps().find(|(_, reached, _)| *reached > 1.0 + GAP);
-    first.or_else(|| gaps().max_by(|a, b| a.2.total_cmp(&b.2))).map(|(place, ..)| place)
+    first.or_else(|| gaps().max_by(|a, b| a.2.total_cmp(&b.2))).map(|(counting, ..)| counting)
 }
 
 /// A value below which no more than `index` eigenvalues lie, so that the one of that number, from 0, is above: nearly
@@ -158,13 +161,13 @@ mod tests {
     #[test]
     fn eigenvalues_are_counted_in_the_highest_gap_that_errors_leave_open() {
         let values = [1.0, 2.0, 3.0, 4.0];
-        let found = |errors: [f64; 4], beyond| place(&with(&values, &errors, beyond)).unwrap().values;
+        let found = |errors: [f64; 4], beyond| counting_shift(&with(&values, &errors, beyond)).unwrap().values;
         assert_eq!(found([0.0; 4], Some((4.4, 0.0))), 4);
         assert_eq!(found([0.0; 4], Some((4.4, 0.05))), 3, "the guard may be a copy of the last");
         assert_eq!(found([0.0; 4], None), 3);
         assert_eq!(found([0.0; 4], Some((4.0, 0.0))), 3);
-        let place = place(&with(&values, &[0.0, 0.0, 0.0, 0.01], None)).unwrap();
-        assert!((place.shift - 0.5 * (3.0 + 4.0 * 0.96)).abs() < 1e-12);
+        let counting = counting_shift(&with(&values, &[0.0, 0.0, 0.0, 0.01], None)).unwrap();
+        assert!((counting.shift - 0.5 * (3.0 + 4.0 * 0.96)).abs() < 1e-12);
         // Nothing is left open: the widest.
         assert_eq!(found([0.5; 4], Some((8.0, 0.5))), 4);
     }

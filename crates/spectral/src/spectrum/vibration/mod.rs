@@ -171,7 +171,7 @@ pub fn vibration_modes(
                 let ritz = approximate::modes(&elastic, &rigid, &space, columns, monitor)?;
                 let refined = refined::modes(&elastic, &rigid, (&space, ritz), wanted, inverse_iterations, monitor)?;
                 drop(space);
-                let asked = lacking::Asked { iterations: inverse_iterations, seed: parameters.seed };
+                let asked = lacking::ModesRequest { iterations: inverse_iterations, seed: parameters.seed };
                 lacking::modes(body, &elastic, &rigid, refined, asked, monitor)?
             }
         }
@@ -204,7 +204,7 @@ fn recorded(body: ElasticBody<'_>, parameters: &VibrationParameters) -> serde_js
 }
 
 /// Modes beside the rigid motions, dimensionless: orthonormal, and orthogonal to the rigid motions.
-struct Found {
+struct NonrigidModes {
     values: Vec<f64>,
     functions: FoundFunctions,
     /// What to add of each rigid motion: `r × m`.
@@ -226,7 +226,7 @@ fn put_together(
     elastic: &ElasticProblem,
     rigid: &RigidMotions,
     free: usize,
-    found: Found,
+    found: NonrigidModes,
 ) -> ModalBasis {
     let n = body.positions().len();
     let scale = elastic.report.total_mass.sqrt().recip();

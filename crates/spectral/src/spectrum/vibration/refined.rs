@@ -14,7 +14,7 @@ use chladni_base::SplitMix64;
 
 use super::approximate::{Ritz, threefold};
 use super::exact::apart_from_rigid;
-use super::{ElasticProblem, Found, FoundFunctions, Iterations, Monitor, RigidMotions, VibrationError};
+use super::{ElasticProblem, FoundFunctions, Iterations, Monitor, NonrigidModes, RigidMotions, VibrationError};
 use crate::spectrum::refine::{Ordered, inverse_iterations_until};
 
 /// Columns beyond the wanted ones that are refined with them.
@@ -58,7 +58,7 @@ impl Refined {
     }
 
     /// With what is known of the errors; nothing proves that no mode is missing.
-    pub fn into_found(self, rigid: &RigidMotions) -> Found {
+    pub fn into_found(self, rigid: &RigidMotions) -> NonrigidModes {
         let certificate = serde_json::json!({
             "complete": false,
             "inertia": [],
@@ -67,7 +67,7 @@ impl Refined {
             "estimated_error": self.largest_error(),
             "estimated_errors": self.errors,
         });
-        Found {
+        NonrigidModes {
             rigid: DenseMatrix::zeros(rigid.motions.len(), self.values.len()),
             values: self.values,
             functions: FoundFunctions::Dense(self.vectors),

@@ -178,7 +178,7 @@ impl<'a> Iteration<'a> {
                     Ok((at, factor))
                 })
                 .collect::<Result<_, HsimError>>()?;
-            self.note(factors);
+            self.record_inertia(factors);
         }
         self.solve_apart(apart, directions, |factor, panel, _| {
             factor.solve_panel(panel);

@@ -25,9 +25,9 @@ const MOST_FACES: usize = 100_000;
 /// The matrix of the fields, as it is assembled and in the order of its factor, in bytes a face.
 const BYTES_PER_FACE: u64 = 1_700;
 
-/// The memory that fields of so many faces take to settle, in bytes, beside a factor: that is made where what the work
+/// The memory that the iteration takes on so many faces, in bytes, beside a factor: that is made where what the work
 /// was promised has room for it.
-pub fn settle_bytes(faces: u64) -> u64 {
+pub fn inverse_iteration_bytes(faces: u64) -> u64 {
     if faces > MOST_FACES as u64 { 0 } else { BYTES_PER_FACE * faces }
 }
 
@@ -40,7 +40,7 @@ const SOLVES: usize = 2;
 /// # Errors
 /// [`HsimError`]: memory that was promised cannot be had; cancellation. A matrix that has no factor, or one that fills
 /// in more than was promised, leaves everything as it is.
-pub(super) fn settle(
+pub(super) fn inverse_iteration(
     spectrum: &mut HodgeSpectrum,
     (mesh, dual, frames): (&TriangleMesh, &DualGraph, &FaceFrames),
     boundary: FieldBoundary,
@@ -55,9 +55,10 @@ pub(super) fn settle(
     let problem = hodge_problem(mesh, dual, frames, boundary);
     let (stiffness, mass) = (&problem.stiffness, &problem.mass);
     let values: Vec<f64> = spectrum.values.iter().map(|value| value * problem.area).collect();
-    let told = |part: FieldPart, sums: &ColumnSums| if part == FieldPart::Harmonic { 0.0 } else { residual(sums, 1.0) };
+    let residual_of =
+        |part: FieldPart, sums: &ColumnSums| if part == FieldPart::Harmonic { 0.0 } else { residual(sums, 1.0) };
     let sums = residual_sums(stiffness, mass, &spectrum.fields, &values, monitor)?;
-    spectrum.residuals = sums.iter().zip(&spectrum.parts).map(|(sums, &part)| told(part, sums)).collect();
+    spectrum.residuals = sums.iter().zip(&spectrum.parts).map(|(sums, &part)| residual_of(part, sums)).collect();
     let is_open = |k: &usize| spectrum.parts[*k] == FieldPart::Harmonic || !(spectrum.residuals[*k] <= tolerance);
     let open: Vec<usize> = (0..count).filter(is_open).collect();
     if open.is_empty() {
@@ -86,7 +87,7 @@ pub(super) fn settle(
     // Of the lengths and the signs that they had.
     spectrum.fields.assign(&places, &found.select(&better).spread(rows.len(), &rows, &factors));
     for (place, k) in better.into_iter().zip(places) {
-        spectrum.residuals[k] = told(spectrum.parts[k], &after[place]);
+        spectrum.residuals[k] = residual_of(spectrum.parts[k], &after[place]);
     }
     Ok(())
 }

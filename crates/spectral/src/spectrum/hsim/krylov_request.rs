@@ -6,7 +6,7 @@ use super::tuning::TUNING;
 
 /// What is wanted, beside the kernel.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Wanted {
+pub(super) struct KrylovRequest {
     /// The index of the first pair.
     pub from: usize,
     /// Pairs that must converge.
@@ -51,7 +51,7 @@ impl Leave {
     }
 }
 
-impl Wanted {
+impl KrylovRequest {
     /// The lowest pairs of a level of a size.
     pub fn lowest(size: usize, pairs: usize, columns: usize, tolerance: f64, seed: u64) -> Self {
         let (most, least_shift) = (most(size, pairs), NEGLIGIBLE);
