@@ -6227,7 +6227,7 @@ export interface components {
              * @description With `exact` singularities the pairs of neighbouring faces, as the kept mesh counts them, across which the field
              *     turns by more than half a turn; quads keep its singular vertices by them. Absent from others.
              */
-            matching: components["schemas"]["MatchedFaces"][] | null;
+            matching?: components["schemas"]["MatchedFaces"][] | null;
             /**
              * @description How the request numbers vertices and faces.
              * @enum {string}
