@@ -149,6 +149,15 @@ fn what_is_stale_or_cut_off_does_not_pass_for_a_result() {
     flipped[middle] ^= 1;
     fs::write(&result, &flipped).unwrap();
     assert_eq!(lines(&run(&["30"]))["torus.ply"]["status"], "made");
+    // Another mesh in its place that was written long ago.
+    if cfg!(unix) {
+        assert_eq!(lines(&run(&["30"]))["torus.ply"]["status"], "there");
+        let old = folder.path().join("old.ply");
+        fs::copy(meshes.join("torus.ply"), &old).unwrap();
+        set_modified(&old, time - Duration::from_secs(1_000_000));
+        fs::rename(&old, meshes.join("torus.ply")).unwrap();
+        assert_eq!(lines(&run(&["30"]))["torus.ply"]["status"], "made");
+    }
 }
 
 #[test]
@@ -173,6 +182,14 @@ fn equal_meshes_have_one_file_of_operators_which_is_whole_with_all_pairs_of_used
         assert!(stderr(&output).contains(".off: up to date\n"), "{}", stderr(&output));
     }
     assert_eq!(results(&made).len(), 2);
+    // A byte that was changed on the disk.
+    let name = results(&made).into_keys().find(|name| name.ends_with(".npz")).unwrap();
+    let mut bytes = fs::read(made.join(&name)).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(made.join(&name), bytes).unwrap();
+    let output = run(&[]);
+    assert!(String::from_utf8_lossy(&output.stdout).starts_with("1 made, 1 there already"), "{output:?}");
 }
 
 #[cfg(target_os = "linux")]

@@ -261,7 +261,11 @@ fn message(error: &CliError, mesh: &Path) -> String {
 /// Runs a job on a mesh, unless its result is there, whole, and no older than the mesh and the settings.
 fn run_on_mesh(arguments: &BatchArguments, mesh: &Path, job: &Asked, promises: &Promises) -> Result<Outcome, CliError> {
     let path = arguments.output.join(result_name(mesh));
-    if !arguments.anew && arguments.is_current(&path) && is_newer(&path, mesh) && is_whole(&path, job, promises)? {
+    if !arguments.anew
+        && arguments.is_current(&path)
+        && is_newer_than_mesh(&path, mesh)
+        && is_whole(&path, job, promises)?
+    {
         return Ok(Outcome::There(path));
     }
     let file = OutputFile::probe(&path)?;
@@ -293,6 +297,24 @@ fn is_whole(path: &Path, job: &JobParameters, promises: &Promises) -> Result<boo
 fn is_newer(path: &Path, than: &Path) -> bool {
     let changed = |path: &Path| fs::metadata(path).and_then(|found| found.modified()).ok();
     changed(path).zip(changed(than)).is_some_and(|(made, source)| made >= source)
+}
+
+/// A file that is moved, copied or unpacked into the place of a mesh keeps the time at which it was written, which may be
+/// long ago: what counts is also when it came there, where the system tells.
+fn is_newer_than_mesh(path: &Path, mesh: &Path) -> bool {
+    is_newer(path, mesh) && came_before(path, mesh)
+}
+
+#[cfg(unix)]
+fn came_before(path: &Path, mesh: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let (Ok(result), Ok(mesh)) = (fs::metadata(path), fs::metadata(mesh)) else { return false };
+    (result.mtime(), result.mtime_nsec()) >= (mesh.ctime(), mesh.ctime_nsec())
+}
+
+#[cfg(not(unix))]
+fn came_before(_path: &Path, _mesh: &Path) -> bool {
+    true
 }
 
 #[cfg(test)]

@@ -16,6 +16,9 @@ const FALL: f64 = 1e-11;
 /// Steps after which a solution that is still not there is given up.
 const MOST_STEPS: usize = 500;
 
+/// An eigenvalue within this share of the last one may be of a cluster that goes on beyond it.
+const END: f64 = 1e-3;
+
 type Row = [f64; PANEL_WIDTH];
 
 /// A problem, and its lowest eigenfunctions `X`, orthonormal for the mass.
@@ -25,6 +28,8 @@ pub(super) struct Complement<'a> {
     /// Of `S + σM`.
     pub factor: &'a Factor<'a>,
     pub functions: &'a PanelMatrix,
+    /// Their eigenvalues, ascending.
+    pub values: &'a [f64],
 }
 
 /// The sums of the columns of a panel.
@@ -92,19 +97,14 @@ impl Complement<'_> {
 
     /// `z_k` with `(S − λ_k M) z_k = r_k`, both orthogonal to `X`, for the eigenvalues `λ_k` of the first columns of
     /// `X`.
-    pub fn solve(
-        &self,
-        right: &PanelMatrix,
-        values: &[f64],
-        monitor: &dyn Monitor,
-    ) -> Result<PanelMatrix, AnalysisError> {
+    pub fn solve(&self, right: &PanelMatrix, monitor: &dyn Monitor) -> Result<PanelMatrix, AnalysisError> {
         let columns = right.columns();
         let mut preconditioned = right.clone();
         preconditioned.panels_mut().par_iter_mut().for_each(|panel| self.factor.solve_panel(panel));
         self.project(&mut preconditioned, monitor)?;
         let begin = |(index, right): (usize, &Vec<f64>)| {
             let mut own = [0.0; PANEL_WIDTH];
-            own.iter_mut().zip(values.iter().skip(index * PANEL_WIDTH)).for_each(|(own, value)| *own = *value);
+            own.iter_mut().zip(self.values.iter().skip(index * PANEL_WIDTH)).for_each(|(own, value)| *own = *value);
             let size = dots(right, &preconditioned.panels()[index]);
             let direction = preconditioned.panels()[index].clone();
             let nothing = || vec![0.0; right.len()];
@@ -149,7 +149,7 @@ impl Complement<'_> {
         for k in (0..PANEL_WIDTH).filter(|&k| panel.is_open(k)) {
             // What is left of the spectrum begins above: else something of it was left out.
             if !(curvature[k] > 0.0) {
-                return Err(AnalysisError::Cut { index: panel.index * PANEL_WIDTH + k });
+                return Err(self.left_out(panel.index * PANEL_WIDTH + k));
             }
             length[k] = panel.size[k] / curvature[k];
         }
@@ -160,6 +160,15 @@ impl Complement<'_> {
         Ok(())
     }
 
+    /// Why something next to an eigenvalue is not in the span of the functions: the basis ends there, or its functions
+    /// are not quite the eigenfunctions.
+    fn left_out(&self, index: usize) -> AnalysisError {
+        let (Some(own), Some(last)) = (self.values.get(index), self.values.last()) else {
+            return AnalysisError::Cut { index };
+        };
+        if last - own <= END * last.abs() { AnalysisError::Cut { index } } else { AnalysisError::Rough { index } }
+    }
+
     /// A solution that is all but an eigenfunction of the same value belongs to a cluster that the basis cuts.
     fn check(&self, panel: &PanelIteration, right: &[f64]) -> Result<(), AnalysisError> {
         let mut image = vec![0.0; panel.solution.len()];
@@ -168,7 +177,7 @@ impl Complement<'_> {
         let cut =
             (0..PANEL_WIDTH).find(|&k| masses[k] > 0.0 && forms[k] < COINCIDE * panel.values[k].abs() * masses[k]);
         match cut {
-            Some(k) => Err(AnalysisError::Cut { index: panel.index * PANEL_WIDTH + k }),
+            Some(k) => Err(self.left_out(panel.index * PANEL_WIDTH + k)),
             None => Ok(()),
         }
     }

@@ -107,7 +107,7 @@ pub enum AnalysisError {
     },
     /// Eigenvalues coincide, and a loss of their functions counts their values differently.
     #[error(
-        "eigenvalues {first} and {second} coincide but the loss weights them differently; the gradient is undefined where they coincide"
+        "eigenvalues {first} and {second} coincide but the loss weights them differently, so that its gradient does not follow from these derivatives; give them equal derivatives, or move the vertices by about 1e-5 of an edge to separate them"
     )]
     Mixed {
         /// The lower one, from 0.
@@ -120,6 +120,14 @@ pub enum AnalysisError {
         "eigenvalue {index} belongs to a cluster cut off by the basis; end it in a spectral gap above all eigenvalues that the loss uses"
     )]
     Cut {
+        /// Its number, from 0.
+        index: usize,
+    },
+    /// The pairs of a basis are too rough for the gradient of a loss of its functions.
+    #[error(
+        "the pairs near eigenvalue {index} are too inaccurate for gradients of eigenfunctions; solve by \"hsim\" with a smaller tolerance and the precision \"f64\""
+    )]
+    Rough {
         /// Its number, from 0.
         index: usize,
     },

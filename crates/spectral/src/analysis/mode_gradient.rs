@@ -20,7 +20,8 @@ use chladni_algebra::{
 use chladni_base::Monitor;
 
 use super::complement::Complement;
-use super::error::AnalysisError;
+use super::error::{AnalysisError, lowest};
+use super::spectrum::kernel_size;
 use super::value_gradient::{add_values, check};
 use crate::basis::{Basis, Functions};
 use crate::operator::derivative::{Elements, FormSums};
@@ -30,8 +31,8 @@ use crate::operator::{EigenProblem, MassKind};
 pub(super) const COINCIDE: f64 = 1e-6;
 
 /// Eigenvalues that differ by less than this share of them do not tell by what a loss changes that mixes their
-/// functions.
-const UNSURE: f64 = 1e-9;
+/// functions: what they differ by is rounding, and so is that of its derivatives.
+const UNSURE: f64 = 1e-8;
 
 /// By how much, as a share, weights differ that are not equal.
 const UNEQUAL: f64 = 1e-6;
@@ -41,6 +42,9 @@ const TURN: f64 = 1e-4;
 
 /// Rounding of an inner product, as a share of its factors.
 const ROUNDING: f64 = 1e-14;
+
+/// The same where the derivatives were rounded to single precision before they came here, as `torch` does by default.
+const SINGLE_ROUNDING: f64 = 1e-7;
 
 /// The shift of the preconditioner, as a share of the largest eigenvalue.
 const SHIFT: f64 = 1e-3;
@@ -69,7 +73,8 @@ pub struct LossDerivatives<'a> {
 /// approximate bases, [`AnalysisError::Turned`] where a loss depends on which functions stand for an eigenvalue that is
 /// several ones, as where it counts a part of them; [`AnalysisError::Mixed`] where it counts the values of such ones
 /// differently; [`AnalysisError::Cut`] where the basis ends among them; [`AnalysisError::Unsolved`], and a
-/// factorisation that fails.
+/// factorisation that fails; [`AnalysisError::NotLowest`] for the functions of an interval, and
+/// [`AnalysisError::Rough`] where the pairs are too rough for derivatives of functions.
 pub fn mode_gradient(
     basis: &Basis,
     problem: &EigenProblem,
@@ -79,6 +84,10 @@ pub fn mode_gradient(
 ) -> Result<Vec<[f64; 3]>, AnalysisError> {
     check(basis, elements, mass)?;
     check_loss(basis, loss)?;
+    if loss.functions.columns() > 0 {
+        // Of a part of the spectrum, what lies below is no complement.
+        lowest(basis)?;
+    }
     if matches!(basis.functions, Functions::Compact(_)) {
         return Err(AnalysisError::NoDerivative { of: "the functions of an approximate basis".to_owned() });
     }
@@ -107,18 +116,22 @@ pub fn mode_gradient(
     let derivatives = rows(loss.functions, &places);
     let ones = MassMatrix::Diagonal(vec![1.0; places.len()]);
     let mut products = inner_products(&functions, Weight::Mass(&ones), &derivatives, monitor)?;
-    let complement = Complement { stiffness: &stiffness, mass: &masses, factor: &factor, functions: &functions };
+    let (stiffness, mass, factor) = (&stiffness, &masses, &factor);
+    let complement = Complement { stiffness, mass, factor, functions: &functions, values: &values };
     // −(g − M X Xᵀ g), and then what solves for it.
     let mut beside = derivatives.clone();
     complement.project_dual(&mut beside, &products, monitor)?;
     beside.panels_mut().iter_mut().flatten().for_each(|value| *value = -*value);
-    let beside = complement.solve(&beside, &values, monitor)?;
+    let beside = complement.solve(&beside, monitor)?;
 
     // From here on in the units of the input.
     let scale = problem.area.sqrt().recip();
     products.values_mut().iter_mut().for_each(|product| *product *= scale);
     let norms = dual_norms(&derivatives, &masses, problem.area);
-    let (stiff, massive) = combinations((&basis.eigenvalues, loss.values), &products, &norms)?;
+    let single = loss.functions.values().iter().all(|&value| f64::from(value as f32) == value);
+    let rounding = if single { SINGLE_ROUNDING } else { ROUNDING };
+    let kernel = kernel_size(&basis.eigenvalues).unwrap_or(0);
+    let (stiff, massive) = combinations((&basis.eigenvalues, loss.values, kernel), &products, (&norms, rounding))?;
     let combined =
         |coefficients: DenseMatrix, of_beside: &dyn Fn(usize) -> f64| -> Result<PanelMatrix, AnalysisError> {
             let mut sum = beside.clone();
@@ -223,10 +236,13 @@ fn dual_norms(derivatives: &PanelMatrix, mass: &MassMatrix, area: f64) -> Vec<f6
 
 /// What the other functions of the basis have in `y_k` and `w_k`: coefficients for each of them, `m × c`, from `c_jk`
 /// of the first `c`.
+///
+/// Zeros stay zeros whatever moves, and the functions of the kernel constants on their components: what a loss counts
+/// their values as does not matter.
 fn combinations(
-    (values, weights): (&[f64], &[f64]),
+    (values, weights, kernel): (&[f64], &[f64], usize),
     products: &DenseMatrix,
-    norms: &[f64],
+    (norms, rounding): (&[f64], f64),
 ) -> Result<(DenseMatrix, DenseMatrix), AnalysisError> {
     let (m, c) = (products.rows(), products.columns());
     let (mut stiff, mut massive) = (DenseMatrix::zeros(m, c), DenseMatrix::zeros(m, c));
@@ -239,14 +255,17 @@ fn combinations(
             let size = norms[k] + norms.get(j).copied().unwrap_or(0.0);
             let gap = values[k] - values[j];
             let near = COINCIDE * values[k].abs().max(values[j].abs()).max(1e-6 * most);
-            if gap.abs() <= near && odd.abs() > TURN * size {
+            let zeros = j.max(k) < kernel;
+            if (zeros || gap.abs() <= near) && odd.abs() > TURN * size {
                 return Err(AnalysisError::Turned { first: j.min(k), second: j.max(k) });
             }
+            let one = zeros || gap.abs() <= near * (UNSURE / COINCIDE);
             let [own, others] = [k, j].map(|k| weights.get(k).copied().unwrap_or(0.0));
-            if gap.abs() <= near * (UNSURE / COINCIDE) && (own - others).abs() > UNEQUAL * (own.abs() + others.abs()) {
+            if one && !zeros && (own - others).abs() > UNEQUAL * (own.abs() + others.abs()) {
                 return Err(AnalysisError::Mixed { first: j.min(k), second: j.max(k) });
             }
-            let quotient = if odd.abs() <= ROUNDING * size || gap == 0.0 { 0.0 } else { odd / gap };
+            // The limit is zero where eigenvalues are one: what is left of the difference there is rounding.
+            let quotient = if one || odd.abs() <= rounding * size { 0.0 } else { odd / gap };
             // A pair of the first ones is met twice.
             let share = if j < c { 0.5 } else { 1.0 };
             stiff.column_mut(k)[j] += share * quotient;

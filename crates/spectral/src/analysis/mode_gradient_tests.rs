@@ -1,6 +1,7 @@
 use super::*;
 use crate::analysis::fixtures::solved;
 use crate::analysis::value_gradient::value_gradient;
+use crate::basis::{DenseFunctions, Precision};
 use crate::operator::elastic::tests::bar;
 use crate::operator::{Boundary, MeshOperator, OperatorKind, OperatorParameters, assemble, volume};
 use chladni_base::{SplitMix64, Unwatched};
@@ -157,6 +158,93 @@ fn a_loss_of_whole_multiplets_has_a_gradient() {
         let mesh = noisy(&mesh, noise, 3).unwrap();
         agrees(operator, &mesh.positions, (Elements::Triangles(&mesh), MassKind::Barycentric), (9, 9), heat);
     }
+}
+
+/// What derivatives are off by, by rounding or by noise, says nothing of functions that share an eigenvalue: divided by
+/// the rounding between their values, it would be all that is left of the gradient.
+#[test]
+fn rounded_derivatives_do_no_harm_to_multiplets() {
+    let sphere = generate(Shape::Sphere, 160).unwrap();
+    let operator = on_surface(&sphere, MassKind::Barycentric, Boundary::Neumann);
+    let elements = (Elements::Triangles(&sphere), MassKind::Barycentric);
+    for (count, of_all) in [(9, 9), (4, 9), (9, 16)] {
+        let found = basis(&operator, sphere.positions.len(), of_all);
+        let (values, functions) = first(&found, count);
+        let (_, of_values, derivatives) = spaces(&values, &functions);
+        let of = |derivatives: &DenseMatrix| {
+            let loss = LossDerivatives { values: &of_values, functions: derivatives };
+            mode_gradient(&found, &operator.problem, elements, loss, &Unwatched).unwrap()
+        };
+        let exact = of(&derivatives);
+        let size = exact.as_flattened().iter().fold(0.0f64, |most, g| most.max(g.abs()));
+        let mut random = SplitMix64::new(11);
+        let changed = |change: &mut dyn FnMut(f64) -> f64| {
+            let mut changed = derivatives.clone();
+            changed.values_mut().iter_mut().for_each(|g| *g = change(*g));
+            changed
+        };
+        let cases = [
+            (changed(&mut |g| f64::from(g as f32)), 1e-5),
+            (changed(&mut |g| g * (1.0 + 1e-12 * random.signed_unit())), 1e-9),
+            (changed(&mut |g| g * (1.0 + 1e-10 * random.signed_unit())), 1e-7),
+        ];
+        for (changed, within) in cases {
+            for (g, exact) in of(&changed).as_flattened().iter().zip(exact.as_flattened()) {
+                assert!((g - exact).abs() < within * size, "{count} of {of_all}: {g} {exact} of {size}");
+            }
+        }
+    }
+}
+
+/// Zeros stay zeros whatever moves: that a loss counts those of several components differently does not matter.
+#[test]
+fn several_components_have_gradients_of_losses_that_decay() {
+    let parts = [(Shape::Torus, 0.0), (Shape::Disk, 9.0), (Shape::Sphere, -9.0)]
+        .map(|(shape, x)| (noisy(&generate(shape, 90).unwrap(), 0.2, 3).unwrap(), x));
+    let mut mesh = TriangleMesh::default();
+    for (part, x) in &parts {
+        let first = mesh.positions.len() as u32;
+        mesh.positions.extend(part.positions.iter().map(|p| [p[0] + x, p[1], p[2]]));
+        mesh.faces.extend(part.faces.iter().map(|face| face.map(|v| first + v)));
+    }
+    let operator = |positions: &[[f64; 3]]| {
+        let mesh = TriangleMesh { positions: positions.to_vec(), faces: mesh.faces.clone(), ..Default::default() };
+        on_surface(&mesh, MassKind::Barycentric, Boundary::Neumann)
+    };
+    for counts in [(8, 10), (3, 8)] {
+        agrees(operator, &mesh.positions, (Elements::Triangles(&mesh), MassKind::Barycentric), counts, heat);
+    }
+    // A part of the kernel is no function of the surface.
+    let at_rest = operator(&mesh.positions);
+    let found = basis(&at_rest, mesh.positions.len(), 8);
+    let (values, functions) = first(&found, 2);
+    let (_, of_values, derivatives) = heat(&values, &functions);
+    let loss = LossDerivatives { values: &of_values, functions: &derivatives };
+    let elements = (Elements::Triangles(&mesh), MassKind::Barycentric);
+    let refused = mode_gradient(&found, &at_rest.problem, elements, loss, &Unwatched);
+    assert!(matches!(refused, Err(AnalysisError::Turned { .. })), "{refused:?}");
+}
+
+/// Inaccurate pairs are not called a cluster that is cut.
+#[test]
+fn rough_pairs_are_called_rough() {
+    let mesh = noisy(&generate(Shape::Torus, 400).unwrap(), 0.2, 3).unwrap();
+    let operator = on_surface(&mesh, MassKind::Barycentric, Boundary::Neumann);
+    let mut found = basis(&operator, mesh.positions.len(), 9);
+    // In the place of the second function stands one from beyond.
+    let n = mesh.positions.len();
+    let more = basis(&operator, n, 14);
+    let mut columns = found.lift::<f64>(0..9).unwrap();
+    columns[n..2 * n].copy_from_slice(&more.lift::<f64>(13..14).unwrap());
+    let everywhere: Vec<u32> = (0..n as u32).collect();
+    let panels = rows(&DenseMatrix::from_columns(n, 9, columns), &everywhere);
+    found.functions = Functions::Dense(DenseFunctions::from_panels(panels, Precision::F64));
+    let (values, functions) = first(&found, 4);
+    let (_, of_values, derivatives) = squares(&values, &functions);
+    let loss = LossDerivatives { values: &of_values, functions: &derivatives };
+    let elements = (Elements::Triangles(&mesh), MassKind::Barycentric);
+    let refused = mode_gradient(&found, &operator.problem, elements, loss, &Unwatched);
+    assert!(matches!(refused, Err(AnalysisError::Rough { index: 1..=3 })), "{refused:?}");
 }
 
 #[test]

@@ -59,13 +59,17 @@ pub fn write_operators<W: Write + Seek>(operators: &SurfaceOperators<'_>, out: W
     Ok(())
 }
 
-/// How many eigenpairs an archive of operators has; `None` where it is no such archive, or not whole.
+/// How many eigenpairs an archive of operators has; `None` where it is no such archive, or not whole: every member is
+/// compared with its checksum.
 pub fn operators_within<R: Read + Seek>(archive: R) -> Option<usize> {
     let mut archive = ZipArchive::new(archive).ok()?;
     let mut bytes = Vec::new();
     archive.by_name("k_eig.npy").ok()?.take(4096).read_to_end(&mut bytes).ok()?;
-    let count = bytes.last_chunk::<8>()?;
-    usize::try_from(i64::from_le_bytes(*count)).ok()
+    let count = usize::try_from(i64::from_le_bytes(*bytes.last_chunk::<8>()?)).ok()?;
+    for index in 0..archive.len() {
+        std::io::copy(&mut archive.by_index(index).ok()?, &mut std::io::sink()).ok()?;
+    }
+    Some(count)
 }
 
 /// The pattern of a square matrix by columns, and where each of its entries stands by rows.
