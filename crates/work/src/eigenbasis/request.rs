@@ -212,21 +212,34 @@ impl Request {
             Packed::Object(_) => {}
             _ => return Err(form("expected a JSON object".to_owned())),
         }
-        let mut request: Self = crate::plain::read(value).map_err(form)?;
         let given = |name: &str| value.get(name).is_some_and(|value| !value.is_null());
+        let mut request: Self = match crate::plain::read(value) {
+            Ok(request) => request,
+            // What a member of another method should have been is of no use.
+            Err(reason) => {
+                let named = value.get("method").and_then(|name| crate::plain::read(name).ok());
+                let misplaced = named.filter(|method| *method != MethodName::Auto).map(|method| placed(method, given));
+                return Err(misplaced.and_then(Result::err).unwrap_or_else(|| form(reason)));
+            }
+        };
         if request.method == MethodName::Auto {
             request.method = request.method_of_members(given);
         }
-        for (name, methods) in BELONGINGS {
-            if given(name) && !methods.contains(&request.method) {
-                let owners: Vec<String> = methods.iter().map(|method| format!("\"{}\"", method.name())).collect();
-                let reason =
-                    format!("belongs to the method {}, not to \"{}\"", owners.join(" and "), request.method.name());
-                return Err(ParameterError::Value { name, reason });
-            }
-        }
+        placed(request.method, given)?;
         Ok(request)
     }
+}
+
+/// Names the first given member that belongs to other methods.
+fn placed(method: MethodName, given: impl Fn(&str) -> bool) -> Result<(), ParameterError> {
+    for (name, methods) in BELONGINGS.iter().filter(|(name, _)| given(name)) {
+        if !methods.contains(&method) {
+            let owners: Vec<String> = methods.iter().map(|method| format!("\"{}\"", method.name())).collect();
+            let reason = format!("belongs to the method {}, not to \"{}\"", owners.join(" and "), method.name());
+            return Err(ParameterError::Value { name, reason });
+        }
+    }
+    Ok(())
 }
 
 impl Request {

@@ -63,6 +63,7 @@ fn what_does_not_fit_is_named() {
         (json!({"method": "sim", "start": "cold"}), "cold"),
         (json!({"method": "sim", "storage": "compact"}), "hierarchy"),
         (json!({"method": "hsim", "start": "bathe"}), "start"),
+        (json!({"method": "hsim", "start": {"basis": "a"}}), "\"start\": belongs to the method \"sim\""),
         (json!({"method": "hsim", "dimension": 400}), "dimension"),
         (json!({"method": "hsim", "construction": "heat"}), "construction"),
         (json!({"method": "hsim", "levels": 7}), "levels"),
