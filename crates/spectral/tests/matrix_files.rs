@@ -110,7 +110,7 @@ fn what_does_not_fit_is_named() {
     };
     for (bytes, expected) in [
         (parts(&[0, 1, 2, 3], &[0, 1, 3]), "row 2: column 3 is out of range"),
-        (parts(&[0, 1, 2, 3], &[0, -1, 2]), "'indices': -1 is not a number"),
+        (parts(&[0, 1, 2, 3], &[0, -1, 2]), "'indices': -1 is not the number of a row"),
         (parts(&[0, 1], &[0]), "row offset 0 is out of order"),
         (archive("lil", &[]), "matrices of the format \"lil\" are not supported"),
         (archive("csr", &[]), "'indptr': it is missing"),

@@ -358,7 +358,7 @@ mod tests {
         assert_eq!(text(&[3, 9999], None), format!("source 1 is vertex 9999 of {}", mesh.positions.len()));
         assert!(
             text(&[3], Some(0.0)).starts_with("time must be a finite positive number, got 0")
-                && text(&[], None).ends_with("must be between 1 and 256, got 0")
+                && text(&[], None).ends_with("must be between 1 and 64, got 0")
         );
         let other = generate(Shape::Sphere, 500).unwrap();
         assert!(geodesic(&basis, &other, &[3], false, None).unwrap_err().to_string().contains("the mesh"));
