@@ -299,8 +299,8 @@ fn is_newer(path: &Path, than: &Path) -> bool {
     changed(path).zip(changed(than)).is_some_and(|(made, source)| made >= source)
 }
 
-/// A file that is moved, copied or unpacked into the place of a mesh keeps the time at which it was written, which may be
-/// long ago: what counts is also when it came there, where the system tells.
+/// A file that is moved, copied or unpacked into the place of a mesh keeps the time at which it was written, which may
+/// be long ago: what counts is also when it came there, where the system tells.
 fn is_newer_than_mesh(path: &Path, mesh: &Path) -> bool {
     is_newer(path, mesh) && came_before(path, mesh)
 }
