@@ -10,8 +10,8 @@ export interface paths {
         };
         /**
          * Shows the reference of the API
-         * @description A page made from the OpenAPI document: every operation, to be searched and tried. It loads nothing from elsewhere. `/docs/plain` is the same to
-         *     read, without a script; the manual is at `/docs/guide/`.
+         * @description A page made from the OpenAPI document: every operation, to be searched and tried. It loads nothing from elsewhere.
+         *     `/docs/plain` is the same to read, without a script; the manual is at `/docs/guide/`.
          */
         get: operations["docs"];
         put?: never;
@@ -131,9 +131,10 @@ export interface paths {
         };
         /**
          * Tells whether the server takes work
-         * @description Where it does not, the problem's `reasons` tell a full disk (`storage-full`), databases that were removed or replaced (`storage-replaced`), a
-         *     store that cannot be written for another cause (`storage-unavailable`: a database that does not answer, where one is shared), an object store that
-         *     does not answer (`content-unavailable`), dead workers (`workers-dead`) and a server that shuts down (`draining`) apart.
+         * @description Where it does not, the problem's `reasons` tell a full disk (`storage-full`), databases that were removed or
+         *     replaced (`storage-replaced`), a store that cannot be written for another cause (`storage-unavailable`: a database
+         *     that does not answer, where one is shared), an object store that does not answer (`content-unavailable`), dead
+         *     workers (`workers-dead`) and a server that shuts down (`draining`) apart.
          */
         get: operations["ready"];
         put?: never;
@@ -173,15 +174,16 @@ export interface paths {
         };
         /**
          * Shows a basis
-         * @description With its eigenvalues (1/length² of the mesh) and its certificate: per pair the relative residual ‖Sx − θMx‖ / ‖Sx‖ and a
-         *     bound within which an exact eigenvalue lies, and the defect of orthonormality.
+         * @description With its eigenvalues (1/length² of the mesh) and its certificate: per pair the relative residual ‖Sx − θMx‖ / ‖Sx‖
+         *     and a bound within which an exact eigenvalue lies, and the defect of orthonormality.
          */
         get: operations["showBasis"];
         put?: never;
         post?: never;
         /**
          * Deletes a basis
-         * @description Its content goes with it. An equal job that is submitted later computes it anew. Refused while a job needs it that waits or runs.
+         * @description Its content goes with it. An equal job that is submitted later computes it anew. Refused while a job needs it that
+         *     waits or runs.
          */
         delete: operations["deleteBasis"];
         options?: never;
@@ -200,11 +202,13 @@ export interface paths {
         put?: never;
         /**
          * Compresses functions
-         * @description The coefficients of functions, coordinates above all, in the first modes of the basis, rounded and packed (Karni and Gotsman 2000). Whoever
-         *     has the basis puts them together again with `decompress`; `basis_bytes` says what that is, and the rates are told without and with it.
+         * @description The coefficients of functions, coordinates above all, in the first modes of the basis, rounded and packed (Karni and
+         *     Gotsman 2000). Whoever has the basis puts them together again with `decompress`; `basis_bytes` says what that is,
+         *     and the rates are told without and with it.
          *
          *     JSON answers with rate and distortion; `Accept: application/octet-stream` with the bytes, and the distortion in
-         *     `Chladni-Relative-Error`. A raw body is the functions, as for `filter`; the rest of the request stands in the query then.
+         *     `Chladni-Relative-Error`. A raw body is the functions, as for `filter`; the rest of the request stands in the query
+         *     then.
          */
         post: operations["compress"];
         delete?: never;
@@ -222,17 +226,18 @@ export interface paths {
         };
         /**
          * Gets a basis as a file
-         * @description The eigenfunctions of a compact basis are the columns of `U φ̄`, with the sparse `U` (n × d, f32) and the dense `φ̄` (d × m, f64);
-         *     those of a dense basis are the columns of `functions` (n × m, f32 or f64).
+         * @description The eigenfunctions of a compact basis are the columns of `U φ̄`, with the sparse `U` (n × d, f32) and the dense `φ̄`
+         *     (d × m, f64); those of a dense basis are the columns of `functions` (n × m, f32 or f64).
          *
-         *     As NPZ (the default): the members `format`, `shape`, `data`, `indices`, `indptr` of U in CSR form and `coefficients`, or `functions`,
-         *     beside `eigenvalues`, the mass, `residuals`, `bounds`, `certificate` and `metadata`; it opens with `numpy.load` (everything) and
-         *     `scipy.sparse.load_npz` (U). As safetensors and as a ZIP archive of MatrixMarket files: the same under the same names (the rows of
-         *     safetensors' `functions` are the eigenfunctions). Dense bases are streamed; their MatrixMarket form has no ranges.
+         *     As NPZ (the default): the members `format`, `shape`, `data`, `indices`, `indptr` of U in CSR form and
+         *     `coefficients`, or `functions`, beside `eigenvalues`, the mass, `residuals`, `bounds`, `certificate` and `metadata`;
+         *     it opens with `numpy.load` (everything) and `scipy.sparse.load_npz` (U). As safetensors and as a ZIP archive of
+         *     MatrixMarket files: the same under the same names (the rows of safetensors' `functions` are the eigenfunctions).
+         *     Dense bases are streamed; their MatrixMarket form has no ranges.
          *
-         *     A field basis comes as NPZ alone: `format`, `shape`, `data`, `indices`, `indptr` of the locally supported columns in BSR form, a block
-         *     row for each face, for `scipy.sparse.load_npz`; `dense` columns for harmonic fields; `stiffness` and `mass` of the space in CSR form;
-         *     `ritz_values` and `ritz_vectors`; `samples`, `area`, `kind` and `metadata`.
+         *     A field basis comes as NPZ alone: `format`, `shape`, `data`, `indices`, `indptr` of the locally supported columns in
+         *     BSR form, a block row for each face, for `scipy.sparse.load_npz`; `dense` columns for harmonic fields; `stiffness`
+         *     and `mass` of the space in CSR form; `ritz_values` and `ritz_vectors`; `samples`, `area`, `kind` and `metadata`.
          */
         get: operations["getBasisContent"];
         put?: never;
@@ -254,8 +259,8 @@ export interface paths {
         put?: never;
         /**
          * Puts compressed functions together again
-         * @description The body is what `compress` gave for the same basis. The answer is the functions, a row for each vertex: raw by default, as JSON, or, of
-         *     three functions, as `model/ply`, the mesh with them as its coordinates.
+         * @description The body is what `compress` gave for the same basis. The answer is the functions, a row for each vertex: raw by
+         *     default, as JSON, or, of three functions, as `model/ply`, the mesh with them as its coordinates.
          */
         post: operations["decompress"];
         delete?: never;
@@ -275,21 +280,26 @@ export interface paths {
         put?: never;
         /**
          * Designs a field
-         * @description The field of least energy `w₁ · harmonic + w₂ · biharmonic` in the space that deviates little from strokes and an alignment, by their weights, and
-         *     meets hard constraints exactly (Schur complement). Strokes and constraints name a face, or a point whose nearest face is meant, and a direction in
-         *     ℝ³ or in the frame of the face (`GET /meshes/{id}/frames`); a stroke may be a line of points as well. Everything is sent again with each request:
-         *     what does not change is kept by the server, a moved stroke costs one small solve. Send requests over one kept connection.
+         * @description The field of least energy `w₁ · harmonic + w₂ · biharmonic` in the space that deviates little from strokes and an
+         *     alignment, by their weights, and meets hard constraints exactly (Schur complement). Strokes and constraints name a
+         *     face, or a point whose nearest face is meant, and a direction in ℝ³ or in the frame of the face
+         *     (`GET /meshes/{id}/frames`); a stroke may be a line of points as well. Everything is sent again with each request:
+         *     what does not change is kept by the server, a moved stroke costs one small solve. Send requests over one kept
+         *     connection.
          *
-         *     Where the memory that is kept for fields (`--cache-bytes`) holds two sparse factors of the surface the field is the one of least energy among all fields
-         *     of the surface; energies and residuals are its own, coefficients are those of the field of the space that is nearest to it, and `error` is how far that
-         *     is. On larger surfaces, and with `"space": "basis"`, it is a field of the space of the basis, which stands for that one: with `error` the answer says how far it is from it, with
-         *     `refine` that one is the answer, to a tolerance. `space` in the answer says which of both it is.
+         *     Where the memory that is kept for fields (`--cache-bytes`) holds two sparse factors of the surface the field is the
+         *     one of least energy among all fields of the surface; energies and residuals are its own, coefficients are those of
+         *     the field of the space that is nearest to it, and `error` is how far that is. On larger surfaces, and with
+         *     `"space": "basis"`, it is a field of the space of the basis, which stands for that one: with `error` the answer says
+         *     how far it is from it, with `refine` that one is the answer, to a tolerance. `space` in the answer says which of
+         *     both it is.
          *
-         *     With `Accept: application/octet-stream` the answer is the lifted field as little-endian f32, f16 or octahedral directions (`encoding`), face after
-         *     face, with its shape in `Chladni-Rows` and `Chladni-Columns`, the energies in `Chladni-Energies` (harmonic, biharmonic, alignment), the largest
-         *     residual of a constraint in `Chladni-Residual`, `space` in `Chladni-Space` and, where the request has `error`, that in `Chladni-Error`. `faces` restricts it to some: 3,000 faces of a sample are 36,000
-         *     bytes, half of that in f16, a third as octahedral directions, whatever the surface. Which faces a sample has is in `field.faces` of a JSON answer,
-         *     and stays the same.
+         *     With `Accept: application/octet-stream` the answer is the lifted field as little-endian f32, f16 or octahedral
+         *     directions (`encoding`), face after face, with its shape in `Chladni-Rows` and `Chladni-Columns`, the energies in
+         *     `Chladni-Energies` (harmonic, biharmonic, alignment), the largest residual of a constraint in `Chladni-Residual`,
+         *     `space` in `Chladni-Space` and, where the request has `error`, that in `Chladni-Error`. `faces` restricts it to
+         *     some: 3,000 faces of a sample are 36,000 bytes, half of that in f16, a third as octahedral directions, whatever the
+         *     surface. Which faces a sample has is in `field.faces` of a JSON answer, and stays the same.
          */
         post: operations["designField"];
         delete?: never;
@@ -309,8 +319,8 @@ export interface paths {
         put?: never;
         /**
          * Saves a design
-         * @description Designs a field and keeps it, with the request that made it: other requests name it by its id as they do uploads, and its numbers can be fetched
-         *     in every form. It is on the mesh of the basis, and is deleted with either.
+         * @description Designs a field and keeps it, with the request that made it: other requests name it by its id as they do uploads,
+         *     and its numbers can be fetched in every form. It is on the mesh of the basis, and is deleted with either.
          */
         post: operations["saveDesign"];
         delete?: never;
@@ -330,15 +340,18 @@ export interface paths {
         put?: never;
         /**
          * Computes distances
-         * @description Diffusion, biharmonic, commute-time and geodesic distances, from one or many sources to all vertices or between pairs. A table with a row
-         *     for each vertex (or pair) and a column for each source and, within a source, each time; with `nearest`, for each time.
+         * @description Diffusion, biharmonic, commute-time and geodesic distances, from one or many sources to all vertices or between
+         *     pairs. A table with a row for each vertex (or pair) and a column for each source and, within a source, each time;
+         *     with `nearest`, for each time.
          *
-         *     Geodesic distances by `heat` and `exact` ones are computed on the mesh of the basis; what they prepare of it is kept for further requests. An
-         *     infinite distance is `null` in JSON. `Chladni-Slope-Error` tells how far those by `heat` may be off: by how much their slope, which is one, differs
-         *     from one, on average over the surface or along paths to the sources. They are off by about this share of themselves or less, by a quarter of it as a rule.
+         *     Geodesic distances by `heat` and `exact` ones are computed on the mesh of the basis; what they prepare of it is kept
+         *     for further requests. An infinite distance is `null` in JSON. `Chladni-Slope-Error` tells how far those by `heat`
+         *     may be off: by how much their slope, which is one, differs from one, on average over the surface or along paths to
+         *     the sources. They are off by about this share of themselves or less, by a quarter of it as a rule.
          *
-         *     JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is little-endian u32, sources or with `pairs=true` the
-         *     vertices of pairs, and the rest of the request stands in the query. The answer is of the same kind unless `Accept` says otherwise.
+         *     JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is little-endian u32, sources or with
+         *     `pairs=true` the vertices of pairs, and the rest of the request stands in the query. The answer is of the same kind
+         *     unless `Accept` says otherwise.
          */
         post: operations["distances"];
         delete?: never;
@@ -356,11 +369,13 @@ export interface paths {
         };
         /**
          * Gets approximate eigenfields
-         * @description The lowest fields of the Laplacian of the basis, restricted to its space, of unit norm on the surface of unit area. Their eigenvalues, in
-         *     `Chladni-Eigenvalues` (of up to 256 fields), are `eigenvalues` of the basis: exact ones lie below them, by about `certificate.estimates`. With `refine` they are
-         *     corrected by multigrid among all fields of the surface, at most the lowest 256: the fields and their eigenvalues are then those of the surface, to
-         *     a tolerance, and `Chladni-Estimates` says by about how much each value still lies above the exact one. By `Accept`: `application/x-npy` (the
-         *     default), an array of fields × faces × numbers for `numpy.load`; `application/octet-stream`, the same little-endian f32 without a header.
+         * @description The lowest fields of the Laplacian of the basis, restricted to its space, of unit norm on the surface of unit area.
+         *     Their eigenvalues, in `Chladni-Eigenvalues` (of up to 256 fields), are `eigenvalues` of the basis: exact ones lie
+         *     below them, by about `certificate.estimates`. With `refine` they are corrected by multigrid among all fields of the
+         *     surface, at most the lowest 256: the fields and their eigenvalues are then those of the surface, to a tolerance, and
+         *     `Chladni-Estimates` says by about how much each value still lies above the exact one. By `Accept`:
+         *     `application/x-npy` (the default), an array of fields × faces × numbers for `numpy.load`;
+         *     `application/octet-stream`, the same little-endian f32 without a header.
          */
         get: operations["getEigenfields"];
         put?: never;
@@ -382,14 +397,15 @@ export interface paths {
         put?: never;
         /**
          * Filters functions by their spectrum
-         * @description `x' = Φ F(Λ) ΦᵀM x + F∞ (x − ΦΦᵀM x)` (Vallet and Lévy 2008): each part of a function is multiplied by a factor that depends on
-         *     its eigenvalue; detail that the basis does not hold is multiplied by F∞, not lost.
+         * @description `x' = Φ F(Λ) ΦᵀM x + F∞ (x − ΦΦᵀM x)` (Vallet and Lévy 2008): each part of a function is multiplied by a factor that
+         *     depends on its eigenvalue; detail that the basis does not hold is multiplied by F∞, not lost.
          *
-         *     JSON, or raw numbers for speed: with `Content-Type: application/octet-stream` the body is little-endian values, vertex after vertex and, within a
-         *     vertex, function after function, of the type `dtype`; the transfer function stands in the query. The answer is of the same kind unless `Accept`
-         *     says otherwise; a raw one has its shape in `Chladni-Rows` and `Chladni-Columns`. A surface (`model/ply`, `model/obj`, `model/gltf-binary`) has the
-         *     kept vertices in their order, which for points without faces is not that of the file, and the texture coordinates, normals and names that the mesh
-         *     came with; normals turn with their faces.
+         *     JSON, or raw numbers for speed: with `Content-Type: application/octet-stream` the body is little-endian values,
+         *     vertex after vertex and, within a vertex, function after function, of the type `dtype`; the transfer function stands
+         *     in the query. The answer is of the same kind unless `Accept` says otherwise; a raw one has its shape in
+         *     `Chladni-Rows` and `Chladni-Columns`. A surface (`model/ply`, `model/obj`, `model/gltf-binary`) has the kept
+         *     vertices in their order, which for points without faces is not that of the file, and the texture coordinates,
+         *     normals and names that the mesh came with; normals turn with their faces.
          */
         post: operations["filter"];
         delete?: never;
@@ -409,9 +425,10 @@ export interface paths {
         put?: never;
         /**
          * Combs fur
-         * @description For each face a strand that leans along a vector field: its root (the barycentre of the face) and its tip relative to the root, six numbers in the
-         *     units of the mesh, for a renderer. With `strands` so many, spread by area, that bend, fall and gather in tufts: three numbers for each of their
-         *     points, the root first. JSON, or with `Accept: application/octet-stream` little-endian f32; with `Accept: image/png` a picture of them.
+         * @description For each face a strand that leans along a vector field: its root (the barycentre of the face) and its tip relative
+         *     to the root, six numbers in the units of the mesh, for a renderer. With `strands` so many, spread by area, that
+         *     bend, fall and gather in tufts: three numbers for each of their points, the root first. JSON, or with
+         *     `Accept: application/octet-stream` little-endian f32; with `Accept: image/png` a picture of them.
          */
         post: operations["combFur"];
         delete?: never;
@@ -431,9 +448,10 @@ export interface paths {
         put?: never;
         /**
          * Draws a hatching
-         * @description Evenly spaced streamlines of a field (Jobard and Lefer 1997): of n-fields they follow any of the n directions, of tensor fields the
-         *     eigendirections. As polylines on the surface, or with `Accept: image/svg+xml` or `image/png` as a drawing from a camera, without what the surface
-         *     hides: with more lines where it is darker, crossed ones only in shadows, and with silhouettes.
+         * @description Evenly spaced streamlines of a field (Jobard and Lefer 1997): of n-fields they follow any of the n directions, of
+         *     tensor fields the eigendirections. As polylines on the surface, or with `Accept: image/svg+xml` or `image/png` as a
+         *     drawing from a camera, without what the surface hides: with more lines where it is darker, crossed ones only in
+         *     shadows, and with silhouettes.
          */
         post: operations["drawHatching"];
         delete?: never;
@@ -451,9 +469,10 @@ export interface paths {
         };
         /**
          * Gets the maps between shapes
-         * @description What a job of the kind `map_collection` found, in the form of `POST /v1/map-collections`: for each vertex of a target the vertex of the source
-         *     that corresponds to it. Vertices are those of the uploaded files, for which their meshes have to be there, or with `numbering=kept` those of the
-         *     meshes. The NPZ of `/content` has all of it as arrays, with the numbering of each file.
+         * @description What a job of the kind `map_collection` found, in the form of `POST /v1/map-collections`: for each vertex of a
+         *     target the vertex of the source that corresponds to it. Vertices are those of the uploaded files, for which their
+         *     meshes have to be there, or with `numbering=kept` those of the meshes. The NPZ of `/content` has all of it as
+         *     arrays, with the numbering of each file.
          */
         get: operations["getMaps"];
         put?: never;
@@ -475,11 +494,12 @@ export interface paths {
          * Gets eigenfunctions on the vertices
          * @description Or the eigenvectors of a problem, a row for each of its rows.
          *
-         *     By `Accept` or `format`: `application/x-npy` (the default), an n × k array in Fortran order for `numpy.load`; `application/octet-stream`, the same
-         *     little-endian numbers, mode after mode, without a header; `model/ply`, the mesh with the values of one mode as colours, from blue over white at
-         *     zero to red; it has the kept vertices in their order, which for points without faces is not that of the file. Numbers are f32 unless `dtype` says
-         *     f64. Answers are streamed: nothing is computed before it is sent, and of a dense basis only the chunks of 32 columns that hold these modes are
-         *     read.
+         *     By `Accept` or `format`: `application/x-npy` (the default), an n × k array in Fortran order for `numpy.load`;
+         *     `application/octet-stream`, the same little-endian numbers, mode after mode, without a header; `model/ply`, the mesh
+         *     with the values of one mode as colours, from blue over white at zero to red; it has the kept vertices in their
+         *     order, which for points without faces is not that of the file. Numbers are f32 unless `dtype` says f64. Answers are
+         *     streamed: nothing is computed before it is sent, and of a dense basis only the chunks of 32 columns that hold these
+         *     modes are read.
          */
         get: operations["getModes"];
         put?: never;
@@ -501,9 +521,9 @@ export interface paths {
         put?: never;
         /**
          * Projects functions onto a basis
-         * @description `ΦᵀM x`: the coefficients of the nearest combinations of the first `pairs` eigenfunctions, a row for each of them, and how much they do
-         *     not hold. JSON or raw numbers, as for `filter`; a raw answer is the coefficients, or with `reconstruct=true` the projected functions, and
-         *     has the relative errors in `Chladni-Relative-Error`.
+         * @description `ΦᵀM x`: the coefficients of the nearest combinations of the first `pairs` eigenfunctions, a row for each of them,
+         *     and how much they do not hold. JSON or raw numbers, as for `filter`; a raw answer is the coefficients, or with
+         *     `reconstruct=true` the projected functions, and has the relative errors in `Chladni-Relative-Error`.
          */
         post: operations["project"];
         delete?: never;
@@ -523,8 +543,8 @@ export interface paths {
         put?: never;
         /**
          * Evaluates combinations of eigenfunctions
-         * @description `Φ c` for a table of coefficients with a row for each eigenfunction: what `project` gives, changed or not. JSON or raw numbers, as
-         *     for `filter`; the answer has a row for each vertex.
+         * @description `Φ c` for a table of coefficients with a row for each eigenfunction: what `project` gives, changed or not. JSON or
+         *     raw numbers, as for `filter`; the answer has a row for each vertex.
          */
         post: operations["reconstruct"];
         delete?: never;
@@ -546,8 +566,9 @@ export interface paths {
          * Computes signatures of points
          * @description The heat kernel, the wave kernel or the global point signature, of chosen vertices or all: a row for each vertex.
          *
-         *     JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is little-endian u32 vertices, or empty for all, and the
-         *     rest of the request stands in the query. The answer is of the same kind unless `Accept` says otherwise.
+         *     JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is little-endian u32 vertices, or empty
+         *     for all, and the rest of the request stands in the query. The answer is of the same kind unless `Accept` says
+         *     otherwise.
          */
         post: operations["signatures"];
         delete?: never;
@@ -567,11 +588,11 @@ export interface paths {
         put?: never;
         /**
          * Finds points that are similar to one
-         * @description Compares the signature of every vertex with that of one: heat kernels by their distance over all scales (Sun et al. 2009), wave
-         *     kernels by their relative differences (Aubry et al. 2011), global points by the Euclidean distance.
+         * @description Compares the signature of every vertex with that of one: heat kernels by their distance over all scales (Sun et al.
+         *     2009), wave kernels by their relative differences (Aubry et al. 2011), global points by the Euclidean distance.
          *
-         *     JSON gives the most similar points. A raw answer is the difference of every vertex; a raw body is the vertex as one little-endian u32,
-         *     the rest of the request stands in the query then.
+         *     JSON gives the most similar points. A raw answer is the difference of every vertex; a raw body is the vertex as one
+         *     little-endian u32, the rest of the request stands in the query then.
          */
         post: operations["similarPoints"];
         delete?: never;
@@ -591,12 +612,13 @@ export interface paths {
         put?: never;
         /**
          * Simulates an object in its vibration modes
-         * @description For a basis of the kind `vibration_basis`. Every mode is a damped oscillator, `q̈ + (α + βλ) q̇ + λ q = f` (thesis, eq. 2.16), whose motion is
-         *     evaluated exactly at whatever time is asked for: there are no steps.
+         * @description For a basis of the kind `vibration_basis`. Every mode is a damped oscillator, `q̈ + (α + βλ) q̇ + λ q = f` (thesis,
+         *     eq. 2.16), whose motion is evaluated exactly at whatever time is asked for: there are no steps.
          *
-         *     With `Accept: application/octet-stream` displacements come as raw little-endian f32, frame after frame, vertex after vertex, x, y and z of
-         *     each. With `sound` the answer is a WAV file: what a tap sounds like at a point, by Rayleigh's integral without delays; `Chladni-Peak` has the
-         *     largest pressure in pascal, if the mesh is in metres and the material in SI units.
+         *     With `Accept: application/octet-stream` displacements come as raw little-endian f32, frame after frame, vertex after
+         *     vertex, x, y and z of each. With `sound` the answer is a WAV file: what a tap sounds like at a point, by Rayleigh's
+         *     integral without delays; `Chladni-Peak` has the largest pressure in pascal, if the mesh is in metres and the
+         *     material in SI units.
          */
         post: operations["simulate"];
         delete?: never;
@@ -616,12 +638,12 @@ export interface paths {
         put?: never;
         /**
          * Computes the spectrum of an operator of a family
-         * @description The lowest pairs of `(1 − t) S + t A + v V` in the space of a basis of the kind `operator_family` (thesis, section 2.6): `S` is the
-         *     Laplacian, `A` also follows how the normal turns, `V` is the curvature potential. Meant to be asked again and again while somebody
-         *     moves a slider: 100 pairs in a space of 780 functions take some tens of milliseconds.
+         * @description The lowest pairs of `(1 − t) S + t A + v V` in the space of a basis of the kind `operator_family` (thesis, section
+         *     2.6): `S` is the Laplacian, `A` also follows how the normal turns, `V` is the curvature potential. Meant to be asked
+         *     again and again while somebody moves a slider: 100 pairs in a space of 780 functions take some tens of milliseconds.
          *
-         *     With `Accept: application/octet-stream` the answer is what `give` names, as raw little-endian f32, row after row, and the eigenvalues
-         *     stand in `Chladni-Eigenvalues`; `Chladni-Covered` is `covered`.
+         *     With `Accept: application/octet-stream` the answer is what `give` names, as raw little-endian f32, row after row,
+         *     and the eigenvalues stand in `Chladni-Eigenvalues`; `Chladni-Covered` is `covered`.
          */
         post: operations["familySpectrum"];
         delete?: never;
@@ -641,19 +663,21 @@ export interface paths {
         put?: never;
         /**
          * Computes the gradient of eigenvalues
-         * @description The derivatives of a weighted sum of eigenvalues by the positions of the vertices: a row of three numbers for each vertex, in 1/length³ of the
-         *     mesh. With the derivatives of a loss by the eigenvalues as weights they are those of the loss, which is what backpropagation asks for.
+         * @description The derivatives of a weighted sum of eigenvalues by the positions of the vertices: a row of three numbers for each
+         *     vertex, in 1/length³ of the mesh. With the derivatives of a loss by the eigenvalues as weights they are those of the
+         *     loss, which is what backpropagation asks for.
          *
-         *     The Laplacian is to be that of the triangles as they are (`laplace`, or `auto` where it chose that) or of a solid (`volume`), the mass
-         *     `barycentric` or `consistent`. Eigenvalues that coincide have no derivatives of their own, but their sum has: give them equal weights. Of an
-         *     approximate basis it is the derivative of its values in the space that it has.
+         *     The Laplacian is to be that of the triangles as they are (`laplace`, or `auto` where it chose that) or of a solid
+         *     (`volume`), the mass `barycentric` or `consistent`. Eigenvalues that coincide have no derivatives of their own, but
+         *     their sum has: give them equal weights. Of an approximate basis it is the derivative of its values in the space that
+         *     it has.
          *
-         *     In the numbering of the file, merged vertices share what the vertex has that was kept of them, dropped ones have zero, and what belongs to
-         *     vertices that `subdivide` made goes to the ends of their edges, so that moving the file's vertices by a small `v` changes the sum by the inner
-         *     product of `v` with the answer.
+         *     In the numbering of the file, merged vertices share what the vertex has that was kept of them, dropped ones have
+         *     zero, and what belongs to vertices that `subdivide` made goes to the ends of their edges, so that moving the file's
+         *     vertices by a small `v` changes the sum by the inner product of `v` with the answer.
          *
-         *     JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is the weights as little-endian f64. The answer is of the same kind
-         *     unless `Accept` says otherwise.
+         *     JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is the weights as little-endian f64.
+         *     The answer is of the same kind unless `Accept` says otherwise.
          */
         post: operations["valueGradient"];
         delete?: never;
@@ -673,11 +697,12 @@ export interface paths {
         put?: never;
         /**
          * Judges a basis again
-         * @description Nothing of a solver takes part: the operator or the elastic object is assembled anew, or the matrices of the problem are read again, residuals and
-         *     inner products are summed from the functions as they are stored, and where the basis claims to be complete its eigenvalues are counted by another
-         *     factorisation. The answer is a receipt, as `chladni verify --receipt` writes it. Of vibration modes its eigenvalues, bounds, distances and shifts
-         *     are squared angular frequencies, in 1/time². Of bases of fields for design, families of operators and maps nothing is proven, and there is nothing to be
-         *     judged.
+         * @description Nothing of a solver takes part: the operator or the elastic object is assembled anew, or the matrices of the problem
+         *     are read again, residuals and inner products are summed from the functions as they are stored, and where the basis
+         *     claims to be complete its eigenvalues are counted by another factorisation. The answer is a receipt, as
+         *     `chladni verify --receipt` writes it. Of vibration modes its eigenvalues, bounds, distances and shifts are squared
+         *     angular frequencies, in 1/time². Of bases of fields for design, families of operators and maps nothing is proven,
+         *     and there is nothing to be judged.
          */
         post: operations["verifyBasis"];
         delete?: never;
@@ -697,8 +722,8 @@ export interface paths {
         put?: never;
         /**
          * Compares two bases of one surface
-         * @description Projects the functions of one on those of the other: Fourier coefficients, what is left out, and the principal angles between eigenspaces,
-         *     eigenvalues that lie close together being taken as one.
+         * @description Projects the functions of one on those of the other: Fourier coefficients, what is left out, and the principal
+         *     angles between eigenspaces, eigenvalues that lie close together being taken as one.
          */
         post: operations["compareBases"];
         delete?: never;
@@ -764,8 +789,8 @@ export interface paths {
         };
         /**
          * Gets the numbers of a stored field
-         * @description By `Accept`: `application/x-npy` (the default), an array of faces × numbers for `numpy.load`; `application/octet-stream`, the same little-endian
-         *     f32 without a header; JSON.
+         * @description By `Accept`: `application/x-npy` (the default), an array of faces × numbers for `numpy.load`;
+         *     `application/octet-stream`, the same little-endian f32 without a header; JSON.
          */
         get: operations["getFieldContent"];
         put?: never;
@@ -787,14 +812,16 @@ export interface paths {
         put?: never;
         /**
          * Maps functions between two surfaces
-         * @description A functional map (Ovsjanikov et al. 2012) from landmarks, descriptors or signatures, refined by ZoomOut (Melzi et al. 2019), with the
-         *     correspondence of points that it makes: for vertices of the target, vertices of the source, and with `both_ways` the other way. With `carry`
-         *     functions on the source are carried over, colours and texture coordinates among them. Both bases have to be of one operator and one condition at
-         *     the boundary. Sizes decide how long it takes: a hundred pairs and two thousand samples are a matter of a second, matching all points of large
+         * @description A functional map (Ovsjanikov et al. 2012) from landmarks, descriptors or signatures, refined by ZoomOut (Melzi et
+         *     al. 2019), with the correspondence of points that it makes: for vertices of the target, vertices of the source, and
+         *     with `both_ways` the other way. With `carry` functions on the source are carried over, colours and texture
+         *     coordinates among them. Both bases have to be of one operator and one condition at the boundary. Sizes decide how
+         *     long it takes: a hundred pairs and two thousand samples are a matter of a second, matching all points of large
          *     meshes one of many.
          *
-         *     JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is pairs of little-endian u32, the landmarks, and the rest of the
-         *     request stands in the query. A raw answer is the matrix, row after row, or with `points=true` the points (4294967295 where a vertex has none).
+         *     JSON, or raw numbers: with `Content-Type: application/octet-stream` the body is pairs of little-endian u32, the
+         *     landmarks, and the rest of the request stands in the query. A raw answer is the matrix, row after row, or with
+         *     `points=true` the points (4294967295 where a vertex has none).
          */
         post: operations["functionalMap"];
         delete?: never;
@@ -838,12 +865,13 @@ export interface paths {
         put?: never;
         /**
          * Submits a job
-         * @description Vertices and faces that parameters name, and functions among them, are those of the uploaded file, unless `numbering=kept`; the job shows them as
-         *     the mesh numbers them.
+         * @description Vertices and faces that parameters name, and functions among them, are those of the uploaded file, unless
+         *     `numbering=kept`; the job shows them as the mesh numbers them.
          *
-         *     The same mesh, kind and parameters are worked on once: where an equal job waits, runs or is done, that job is the answer.
-         *     With an `Idempotency-Key` a request that is sent twice makes one job, whatever happened to the first answer.
-         *     With `wait` the answer comes when the job has ended or the time is over, whichever is first, as from `GET /v1/jobs/{id}`.
+         *     The same mesh, kind and parameters are worked on once: where an equal job waits, runs or is done, that job is the
+         *     answer. With an `Idempotency-Key` a request that is sent twice makes one job, whatever happened to the first answer.
+         *     With `wait` the answer comes when the job has ended or the time is over, whichever is first, as from
+         *     `GET /v1/jobs/{id}`.
          */
         post: operations["submitJob"];
         delete?: never;
@@ -869,7 +897,8 @@ export interface paths {
         post?: never;
         /**
          * Deletes a job
-         * @description One that has ended: cancel it first where it waits or runs. Refused while its basis is stored, unless `cascade=true`.
+         * @description One that has ended: cancel it first where it waits or runs. Refused while its basis is stored, unless
+         *     `cascade=true`.
          */
         delete: operations["deleteJob"];
         options?: never;
@@ -888,7 +917,8 @@ export interface paths {
         put?: never;
         /**
          * Cancels a job
-         * @description A waiting job is canceled at once; a running one is asked to stop and does within a second. Cancelling twice is no error.
+         * @description A waiting job is canceled at once; a running one is asked to stop and does within a second. Cancelling twice is no
+         *     error.
          */
         post: operations["cancelJob"];
         delete?: never;
@@ -906,9 +936,9 @@ export interface paths {
         };
         /**
          * Streams the changes of a job
-         * @description Server-sent events of the type `job`, each with the whole job as data and its revision as id: the present state first (not
-         *     repeated where `Last-Event-ID` names it), then every change, until the job has ended. Progress comes at most ten times a
-         *     second. A client that reconnects after the end is told by 204 to stop.
+         * @description Server-sent events of the type `job`, each with the whole job as data and its revision as id: the present state
+         *     first (not repeated where `Last-Event-ID` names it), then every change, until the job has ended. Progress comes at
+         *     most ten times a second. A client that reconnects after the end is told by 204 to stop.
          */
         get: operations["watchJob"];
         put?: never;
@@ -950,11 +980,12 @@ export interface paths {
         put?: never;
         /**
          * Maps all shapes of a collection to each other
-         * @description Without landmarks: first maps follow from wave kernel signatures and the orientation of the surfaces, are refined by ZoomOut (Melzi et al. 2019),
-         *     and made consistent by a latent basis that all shapes have in common (Huang et al. 2020), so that pairs that fail by themselves follow those that
-         *     agree. Each basis has to be of another surface, and all of one operator and one condition at the boundary. The answer has a map of points for each
-         *     ordered pair. Shapes are taken to be nearly isometric: poses of one animal, say. For more than a few shapes there is the job `map_collection`,
-         *     which does the same in the queue and keeps what it finds.
+         * @description Without landmarks: first maps follow from wave kernel signatures and the orientation of the surfaces, are refined by
+         *     ZoomOut (Melzi et al. 2019), and made consistent by a latent basis that all shapes have in common (Huang et al.
+         *     2020), so that pairs that fail by themselves follow those that agree. Each basis has to be of another surface, and
+         *     all of one operator and one condition at the boundary. The answer has a map of points for each ordered pair. Shapes
+         *     are taken to be nearly isometric: poses of one animal, say. For more than a few shapes there is the job
+         *     `map_collection`, which does the same in the queue and keeps what it finds.
          */
         post: operations["mapCollection"];
         delete?: never;
@@ -978,32 +1009,35 @@ export interface paths {
         put?: never;
         /**
          * Uploads a mesh
-         * @description The body is the file itself, or `multipart/form-data` with the file in a part named `mesh` (and, optionally, parts `format`,
-         *     `merge`, `surface`, `subdivide` and `name`). The format comes from `format`, from `Content-Type` or the file name, or, for general types such as
-         *     `application/octet-stream`, from the first bytes. `Content-Encoding` may be gzip or zstd; a file that is gzip itself is
-         *     unpacked as well.
+         * @description The body is the file itself, or `multipart/form-data` with the file in a part named `mesh` (and, optionally, parts
+         *     `format`, `merge`, `surface`, `subdivide` and `name`). The format comes from `format`, from `Content-Type` or the
+         *     file name, or, for general types such as `application/octet-stream`, from the first bytes. `Content-Encoding` may be
+         *     gzip or zstd; a file that is gzip itself is unpacked as well.
          *
          *     Arrays come as NPZ (`numpy.savez`: `vertices`, n × 3; `faces`, f × k; `tetrahedra`, t × 4) or JSON
          *     (`{"vertices": [[x, y, z], …], "faces": [[0, 1, 2], …]}`), vertices counted from 0.
          *
-         *     A file with tetrahedra is a solid: the mesh is then the surface of its tetrahedra, unless `surface=given`, the report has the member `solid`, and
-         *     the vertices of the surface are the first of the solid, both in the order of the file.
+         *     A file with tetrahedra is a solid: the mesh is then the surface of its tetrahedra, unless `surface=given`, the
+         *     report has the member `solid`, and the vertices of the surface are the first of the solid, both in the order of the
+         *     file.
          *
-         *     A file without faces has points: bases are then computed from triangles around each of them, the report has `points: true`, and what needs a
-         *     surface with faces is refused. Points at equal positions become one, unless `merge=never`, and points at which no triangle can be made are left
-         *     out. The points are kept in the order of a curve through space: meshes that are answered (the content of the mesh, PLY of filtered functions and
-         *     of modes) have them in this order, and `GET /v1/meshes/{id}/vertex-map` tells which they are.
+         *     A file without faces has points: bases are then computed from triangles around each of them, the report has
+         *     `points: true`, and what needs a surface with faces is refused. Points at equal positions become one, unless
+         *     `merge=never`, and points at which no triangle can be made are left out. The points are kept in the order of a curve
+         *     through space: meshes that are answered (the content of the mesh, PLY of filtered functions and of modes) have them
+         *     in this order, and `GET /v1/meshes/{id}/vertex-map` tells which they are.
          *
-         *     Where repairs renumber vertices or faces, the report has the member `file`, and all other routes take and give the numbering of the file unless
-         *     they are asked for `numbering=kept`; so two files with the same surface and other numbers are two meshes.
+         *     Where repairs renumber vertices or faces, the report has the member `file`, and all other routes take and give the
+         *     numbering of the file unless they are asked for `numbering=kept`; so two files with the same surface and other
+         *     numbers are two meshes.
          *
-         *     Texture coordinates, normals and the names of groups, objects and materials of an OBJ are kept, each corner's own, so that seams split no vertex;
-         *     the report counts them in its member `attributes`, and whatever surface goes out has them. They are part of the mesh: with others it is another
-         *     one.
+         *     Texture coordinates, normals and the names of groups, objects and materials of an OBJ are kept, each corner's own,
+         *     so that seams split no vertex; the report counts them in its member `attributes`, and whatever surface goes out has
+         *     them. They are part of the mesh: with others it is another one.
          *
-         *     The mesh is checked; repairs that lose nothing are done and listed in the report. The same content has the same id: sending
-         *     it again answers 200 with what is stored, under the name that it has. The report of this answer is always that of the file that was sent; that of
-         *     the first file with this mesh is the one that is kept.
+         *     The mesh is checked; repairs that lose nothing are done and listed in the report. The same content has the same id:
+         *     sending it again answers 200 with what is stored, under the name that it has. The report of this answer is always
+         *     that of the file that was sent; that of the first file with this mesh is the one that is kept.
          */
         post: operations["uploadMesh"];
         delete?: never;
@@ -1050,9 +1084,10 @@ export interface paths {
         /**
          * Gets the content of a mesh
          * @description By `Accept` or `format`: PLY (the default; binary, little-endian), OBJ, binary glTF, or buffers for web clients
-         *     (`application/vnd.chladni.mesh`): all little-endian and aligned to four bytes, the number of vertices n and of faces f as u32,
-         *     then 3n positions as f32, then 3f vertex indices as u32. Of a surface far from the origin, as in geographic coordinates, single precision keeps little of
-         *     the shape: PLY and OBJ hold double, and glTF positions from the middle, where its nodes are moved to.
+         *     (`application/vnd.chladni.mesh`): all little-endian and aligned to four bytes, the number of vertices n and of faces
+         *     f as u32, then 3n positions as f32, then 3f vertex indices as u32. Of a surface far from the origin, as in
+         *     geographic coordinates, single precision keeps little of the shape: PLY and OBJ hold double, and glTF positions from
+         *     the middle, where its nodes are moved to.
          *
          *     Texture coordinates, normals and names that the file had come back in all of them but buffers.
          */
@@ -1094,9 +1129,9 @@ export interface paths {
         };
         /**
          * Gets the map of faces
-         * @description For each face of the mesh the face of the uploaded file that it is or is a part of, in NPY as int32; with `of=file`, for each face of the file the
-         *     first of the mesh, in JSON null and in NPY −1 where it was dropped. A polygon is one face of the file. The boundary of a solid has no faces in the
-         *     file, and its own numbers stand for them.
+         * @description For each face of the mesh the face of the uploaded file that it is or is a part of, in NPY as int32; with `of=file`,
+         *     for each face of the file the first of the mesh, in JSON null and in NPY −1 where it was dropped. A polygon is one
+         *     face of the file. The boundary of a solid has no faces in the file, and its own numbers stand for them.
          */
         get: operations["getFaceMap"];
         put?: never;
@@ -1118,12 +1153,13 @@ export interface paths {
         put?: never;
         /**
          * Uploads a field
-         * @description A table with a row for each face, which requests name by its id from then on, as `{"stored": id}`: a field to align a design to (`alignment.to`:
-         *     three columns are vectors in ℝ³, or the numbers of tensors where the basis is of tensors; two are numbers in the frames of faces), weights of
-         *     faces (`alignment.per_face`: one column), crosses (`field` of a parametrisation), a field for fur or a hatching.
+         * @description A table with a row for each face, which requests name by its id from then on, as `{"stored": id}`: a field to align
+         *     a design to (`alignment.to`: three columns are vectors in ℝ³, or the numbers of tensors where the basis is of
+         *     tensors; two are numbers in the frames of faces), weights of faces (`alignment.per_face`: one column), crosses
+         *     (`field` of a parametrisation), a field for fur or a hatching.
          *
-         *     JSON, or with `Content-Type: application/octet-stream` little-endian numbers, face after face. An equal field on the same mesh has the same id. It
-         *     is deleted with its mesh.
+         *     JSON, or with `Content-Type: application/octet-stream` little-endian numbers, face after face. An equal field on the
+         *     same mesh has the same id. It is deleted with its mesh.
          */
         post: operations["uploadField"];
         delete?: never;
@@ -1141,8 +1177,9 @@ export interface paths {
         };
         /**
          * Gets the frames of faces
-         * @description For each face two orthonormal vectors in its plane, six numbers: x first, then y; their cross product is the normal. Numbers per face of fields
-         *     refer to them: `a x + b y`. JSON, or with `Accept: application/octet-stream` little-endian f32.
+         * @description For each face two orthonormal vectors in its plane, six numbers: x first, then y; their cross product is the normal.
+         *     Numbers per face of fields refer to them: `a x + b y`. JSON, or with `Accept: application/octet-stream`
+         *     little-endian f32.
          */
         get: operations["getFrames"];
         put?: never;
@@ -1164,9 +1201,10 @@ export interface paths {
         put?: never;
         /**
          * Decomposes a vector field
-         * @description The Hodge decomposition of a field that is given on the faces: a gradient, a co-gradient and a harmonic field, orthogonal to each other, by area,
-         *     to rounding. Gradients are those of functions that are linear on faces, co-gradients those of functions on edges that are not conforming, turned
-         *     by 90°. Both Laplacians are factored at the first request about a mesh, and kept.
+         * @description The Hodge decomposition of a field that is given on the faces: a gradient, a co-gradient and a harmonic field,
+         *     orthogonal to each other, by area, to rounding. Gradients are those of functions that are linear on faces,
+         *     co-gradients those of functions on edges that are not conforming, turned by 90°. Both Laplacians are factored at the
+         *     first request about a mesh, and kept.
          */
         post: operations["decomposeField"];
         delete?: never;
@@ -1186,10 +1224,11 @@ export interface paths {
         put?: never;
         /**
          * Parametrises a surface along a cross field
-         * @description A cross field that runs along creases and boundaries, or one of a basis, or a table, is combed and cut open at its singular vertices, and
-         *     integrated: coordinates whose gradients are nearest to its directions, and which go on across the cut by quarter turns and translations. With
-         *     `integers` the lines of whole numbers meet there, so that they are the edges of quads, for a program that takes them out, such as libQEx. The
-         *     order in which vertices are eliminated is found at the first request about a mesh, and kept.
+         * @description A cross field that runs along creases and boundaries, or one of a basis, or a table, is combed and cut open at its
+         *     singular vertices, and integrated: coordinates whose gradients are nearest to its directions, and which go on across
+         *     the cut by quarter turns and translations. With `integers` the lines of whole numbers meet there, so that they are
+         *     the edges of quads, for a program that takes them out, such as libQEx. The order in which vertices are eliminated is
+         *     found at the first request about a mesh, and kept.
          */
         post: operations["parametriseQuads"];
         delete?: never;
@@ -1209,12 +1248,13 @@ export interface paths {
         put?: never;
         /**
          * Writes a mesh whose vertices have moved
-         * @description The faces of the mesh with other positions (a mode that swings, a simulation, whatever a client computes), with all else that its file had:
-         *     texture coordinates, names of groups, objects and materials, and normals, which turn with their faces. By `Accept` or `format`: PLY (the default),
-         *     OBJ or binary glTF.
+         * @description The faces of the mesh with other positions (a mode that swings, a simulation, whatever a client computes), with all
+         *     else that its file had: texture coordinates, names of groups, objects and materials, and normals, which turn with
+         *     their faces. By `Accept` or `format`: PLY (the default), OBJ or binary glTF.
          *
-         *     The body is a JSON table of three columns with a row for each vertex, or, with `Content-Type: application/octet-stream`, little-endian numbers of
-         *     the type `dtype`, vertex after vertex. The surface that is answered has the kept vertices in their order.
+         *     The body is a JSON table of three columns with a row for each vertex, or, with
+         *     `Content-Type: application/octet-stream`, little-endian numbers of the type `dtype`, vertex after vertex. The
+         *     surface that is answered has the kept vertices in their order.
          */
         post: operations["writeMovedSurface"];
         delete?: never;
@@ -1234,10 +1274,11 @@ export interface paths {
         put?: never;
         /**
          * Carries vectors over a surface
-         * @description The vector heat method (Sharp, Soliman and Crane 2019): each face gets the vector of the nearest source, carried there in parallel along a path
-         *     that is about the shortest: on spheres, away from the point opposite to the source, it is off by about half a degree on average, which falls only
-         *     slowly as faces shrink, because the directions in which heat crosses edges are not consistent. Both heat steps are factored at the first request
-         *     about a mesh, and kept. JSON, or with `Accept: application/octet-stream` raw little-endian numbers.
+         * @description The vector heat method (Sharp, Soliman and Crane 2019): each face gets the vector of the nearest source, carried
+         *     there in parallel along a path that is about the shortest: on spheres, away from the point opposite to the source,
+         *     it is off by about half a degree on average, which falls only slowly as faces shrink, because the directions in
+         *     which heat crosses edges are not consistent. Both heat steps are factored at the first request about a mesh, and
+         *     kept. JSON, or with `Accept: application/octet-stream` raw little-endian numbers.
          */
         post: operations["transportVectors"];
         delete?: never;
@@ -1255,8 +1296,8 @@ export interface paths {
         };
         /**
          * Gets the map of vertices
-         * @description For each vertex of the uploaded file the vertex of the mesh that it became, in JSON null and in NPY (int32) −1 where it was dropped; with
-         *     `of=kept`, for each vertex of the mesh the first of the file.
+         * @description For each vertex of the uploaded file the vertex of the mesh that it became, in JSON null and in NPY (int32) −1 where
+         *     it was dropped; with `of=kept`, for each vertex of the mesh the first of the file.
          */
         get: operations["getVertexMap"];
         put?: never;
@@ -1282,17 +1323,19 @@ export interface paths {
         put?: never;
         /**
          * Uploads a problem
-         * @description A problem is a pencil of sparse symmetric matrices, `S x = λ M x`, that someone else assembled; no mesh belongs to it. Jobs of the kind
-         *     `pencil_basis` compute eigenpairs of it.
+         * @description A problem is a pencil of sparse symmetric matrices, `S x = λ M x`, that someone else assembled; no mesh belongs to
+         *     it. Jobs of the kind `pencil_basis` compute eigenpairs of it.
          *
-         *     The body is the matrix S, its mass then being the identity, or `multipart/form-data` with the parts `stiffness` and `mass` (and, optionally,
-         *     `name`). Each is an NPZ file of `scipy.sparse.save_npz` (CSR, CSC, COO, DIA or BSR) or Matrix Market (real, integer or pattern; general or
-         *     symmetric), told by its first bytes; a mass may also be the diagonal alone. What `GET /v1/problems/{id}/content` gives is taken as well, with its
-         *     mass. `Content-Encoding` may be gzip or zstd.
+         *     The body is the matrix S, its mass then being the identity, or `multipart/form-data` with the parts `stiffness` and
+         *     `mass` (and, optionally, `name`). Each is an NPZ file of `scipy.sparse.save_npz` (CSR, CSC, COO, DIA or BSR) or
+         *     Matrix Market (real, integer or pattern; general or symmetric), told by its first bytes; a mass may also be the
+         *     diagonal alone. What `GET /v1/problems/{id}/content` gives is taken as well, with its mass. `Content-Encoding` may
+         *     be gzip or zstd.
          *
-         *     Both have to be finite and symmetric: entries on either side of the diagonal may differ by 1e-12 of the largest of their rows, and their mean is
-         *     taken. The mass has to be positive definite. The first entry or row that does not fit is named, counted from 0. Where proving the mass definite
-         *     would take much memory (`mass_proven` is false then), the first job does it, and fails if it is not.
+         *     Both have to be finite and symmetric: entries on either side of the diagonal may differ by 1e-12 of the largest of
+         *     their rows, and their mean is taken. The mass has to be positive definite. The first entry or row that does not fit
+         *     is named, counted from 0. Where proving the mass definite would take much memory (`mass_proven` is false then), the
+         *     first job does it, and fails if it is not.
          *
          *     Equal matrices have the same id, in whichever format they come: sending them again answers 200 with what is stored.
          */
@@ -1340,8 +1383,9 @@ export interface paths {
         };
         /**
          * Gets the matrices of a problem
-         * @description As NPZ: `format`, `shape`, `data`, `indices` and `indptr` of S in CSR form, which `scipy.sparse.load_npz` opens; of the mass the diagonal `mass`,
-         *     or `mass_data`, `mass_indices` and `mass_indptr` in CSR form, or nothing where it is the identity.
+         * @description As NPZ: `format`, `shape`, `data`, `indices` and `indptr` of S in CSR form, which `scipy.sparse.load_npz` opens; of
+         *     the mass the diagonal `mass`, or `mass_data`, `mass_indices` and `mass_indptr` in CSR form, or nothing where it is
+         *     the identity.
          */
         get: operations["getProblemContent"];
         put?: never;
@@ -1381,8 +1425,9 @@ export interface paths {
         };
         /**
          * Generates a mesh
-         * @description The file can be uploaded as it is: `curl -sS $url/v1/samples/bell | curl -sS $url/v1/meshes?name=bell --data-binary @-`. The same
-         *     request gives the same bytes.
+         * @description The file can be uploaded as it is:
+         *     `curl -sS $url/v1/samples/bell | curl -sS $url/v1/meshes?name=bell --data-binary @-`. The same request gives the
+         *     same bytes.
          */
         get: operations["getSample"];
         put?: never;
@@ -1404,8 +1449,9 @@ export interface paths {
         put?: never;
         /**
          * Compares shapes by their spectra
-         * @description Shape-DNA (Reuter et al. 2006): the Euclidean distances between normalised spectra, which depend neither on the pose of a shape nor on how it is
-         *     meshed. By `Accept`: JSON; raw numbers, the matrix of distances; or `image/svg+xml`, the places as a picture.
+         * @description Shape-DNA (Reuter et al. 2006): the Euclidean distances between normalised spectra, which depend neither on the pose
+         *     of a shape nor on how it is meshed. By `Accept`: JSON; raw numbers, the matrix of distances; or `image/svg+xml`, the
+         *     places as a picture.
          */
         post: operations["compareShapes"];
         delete?: never;
@@ -1437,14 +1483,14 @@ export interface components {
         /** @description How accurate eigenvalues are to be. In JSON: `"standard"`, `"accurate"`, `{"goal": 0.005}`. */
         Accuracy: ("standard" | "accurate") | components["schemas"]["AccuracyGoal"];
         /**
-         * @description The largest relative error of an eigenvalue, as estimated, that is good enough: 1e-4 to 0.5. Where it is exceeded, columns are
-         *     added a few times.
+         * @description The largest relative error of an eigenvalue, as estimated, that is good enough: 1e-4 to 0.5. Where it is
+         *     exceeded, columns are added a few times.
          */
         AccuracyGoal: {
             /**
              * Format: double
-             * @description The largest relative error of an eigenvalue, as estimated, that is good enough: 1e-4 to 0.5. Where it is exceeded, columns are
-             *     added a few times.
+             * @description The largest relative error of an eigenvalue, as estimated, that is good enough: 1e-4 to 0.5. Where it is
+             *     exceeded, columns are added a few times.
              */
             goal: number;
         };
@@ -1459,7 +1505,10 @@ export interface components {
             goal: number;
             /** @description How many of its columns are hat functions of single vertices. */
             hats: number;
-            /** @description The implicit heat steps that smoothed the columns in the end, more than usual where columns have few vertices. Absent for other constructions. */
+            /**
+             * @description The implicit heat steps that smoothed the columns in the end, more than usual where columns have few vertices.
+             *     Absent for other constructions.
+             */
             heat_steps: number | null;
             /**
              * Format: double
@@ -1468,15 +1517,18 @@ export interface components {
             largest_estimate: number;
             /** @description Whether that is at most the goal. */
             reached: boolean;
-            /** @description How often the space was made finer: by columns that diffuse for longer, by more of them, or by single vertices where residuals sat. */
+            /**
+             * @description How often the space was made finer: by columns that diffuse for longer, by more of them, or by single vertices
+             *     where residuals sat.
+             */
             rounds: number;
         };
         /** @description A field to stay close to, with a global weight and optionally one for each face. */
         AlignmentRequest: {
             per_face?: components["schemas"]["PerFace"] | null;
             /**
-             * @description `curvature`, or a table with a row for each face: three columns are vectors in ℝ³, otherwise the numbers that are stored in a face; or the id
-             *     of a stored field.
+             * @description `curvature`, or a table with a row for each face: three columns are vectors in ℝ³, otherwise the numbers that
+             *     are stored in a face; or the id of a stored field.
              */
             to: components["schemas"]["Target"];
             /**
@@ -1512,7 +1564,10 @@ export interface components {
              * @description The number.
              */
             shift: number;
-            /** @description Pairs of which enclosures do not let one tell which are nearer, delivered or not; empty where these pairs are proven to be the nearest. */
+            /**
+             * @description Pairs of which enclosures do not let one tell which are nearer, delivered or not; empty where these pairs are
+             *     proven to be the nearest.
+             */
             ties: components["schemas"]["NearPair"][];
         };
         /** @description How much a file says beside positions and faces. */
@@ -1521,7 +1576,10 @@ export interface components {
             groups: number;
             /** @description Names of materials. */
             materials: number;
-            /** @description Corners of faces that name a texture coordinate or a normal which the file does not have, or which is not finite; they have none. */
+            /**
+             * @description Corners of faces that name a texture coordinate or a normal which the file does not have, or which is not
+             *     finite; they have none.
+             */
             missing: number;
             /** @description Normals of the file. */
             normals: number;
@@ -1577,7 +1635,10 @@ export interface components {
             eigenvalue_errors: number[];
             /** @description How many pairs were compared. */
             pairs: number;
-            /** @description Per function of the other basis, which share of it lies outside of the functions of the reference, in the norm of the mass. */
+            /**
+             * @description Per function of the other basis, which share of it lies outside of the functions of the reference, in the norm
+             *     of the mass.
+             */
             projection_errors: number[];
         };
         /**
@@ -1600,7 +1661,10 @@ export interface components {
             other: string;
             /** @description How many of the first pairs of both; without it, as many as both have, at most 1000. */
             pairs?: number | null;
-            /** @description The id of the basis that the other one is projected on, an exact one for instance; inner products are by its mass. */
+            /**
+             * @description The id of the basis that the other one is projected on, an exact one for instance; inner products are by its
+             *     mass.
+             */
             reference: string;
         };
         /** @description A stored basis without its eigenvalues and certificate, as lists have it. */
@@ -1812,7 +1876,10 @@ export interface components {
          * @enum {string}
          */
         Boundary: "neumann" | "dirichlet" | "tangential" | "normal";
-        /** @description Where a picture is seen from, in the units of the mesh. Without `eye` it is fitted to the mesh, seen from a direction. */
+        /**
+         * @description Where a picture is seen from, in the units of the mesh. Without `eye` it is fitted to the mesh, seen from a
+         *     direction.
+         */
         CameraRequest: {
             /**
              * Format: double
@@ -1822,8 +1889,8 @@ export interface components {
             /** @description The eye; `target` belongs to it. */
             eye?: number[] | null;
             /**
-             * @description In place of `eye` and `target`: from the mesh to the eye, which is so far away that all of the mesh is seen. `[0.4, 0.3, 1]` where it is left
-             *     out.
+             * @description In place of `eye` and `target`: from the mesh to the eye, which is so far away that all of the mesh is seen.
+             *     `[0.4, 0.3, 1]` where it is left out.
              */
             from?: number[] | null;
             /**
@@ -1856,8 +1923,8 @@ export interface components {
             accuracy: components["schemas"]["AccuracyReport"] | null;
             around?: components["schemas"]["Around"] | null;
             /**
-             * @description Per pair an a-posteriori bound, in 1/length² of the input. Where `complete` is true, the exact eigenvalue of the same index lies within
-             *     `[θ − bound, θ + bound]`, rounding errors included; otherwise some exact eigenvalue does.
+             * @description Per pair an a-posteriori bound, in 1/length² of the input. Where `complete` is true, the exact eigenvalue of the
+             *     same index lies within `[θ − bound, θ + bound]`, rounding errors included; otherwise some exact eigenvalue does.
              */
             bounds: number[];
             /** @description Whether inertia counts prove that no eigenvalue below the last was skipped; `None`: not counted. */
@@ -1865,7 +1932,10 @@ export interface components {
             cut?: components["schemas"]["CutCluster"] | null;
             /** @description Per pair an estimate of the error of the eigenvalue, in 1/length² of the input; empty where there is none. */
             estimates: number[];
-            /** @description The index of the first pair among all eigenvalues of the problem: zero but where the pairs of an interval were asked for. */
+            /**
+             * @description The index of the first pair among all eigenvalues of the problem: zero but where the pairs of an interval were
+             *     asked for.
+             */
             first?: number;
             /** @description The inertia counts, by ascending shift. */
             inertia: components["schemas"]["InertiaCount"][];
@@ -1882,9 +1952,15 @@ export interface components {
              * @description The largest entry of `|ΦᵀMΦ − I|`.
              */
             orthonormality_defect: number;
-            /** @description Per pair `‖x − x̃‖_M / ‖x‖_M`, where the eigenfunctions `x` were projected to `x̃ = U c` to store them compactly; else empty. */
+            /**
+             * @description Per pair `‖x − x̃‖_M / ‖x‖_M`, where the eigenfunctions `x` were projected to `x̃ = U c` to store them
+             *     compactly; else empty.
+             */
             projection_errors: number[];
-            /** @description Per pair `‖S x − θ M x‖ / ‖S x‖` (thesis, eq. 4.6), of the columns as they are stored; for the kernel `‖S x‖ / (‖S‖ ‖x‖)`. */
+            /**
+             * @description Per pair `‖S x − θ M x‖ / ‖S x‖` (thesis, eq. 4.6), of the columns as they are stored; for the kernel
+             *     `‖S x‖ / (‖S‖ ‖x‖)`.
+             */
             residuals: number[];
             /**
              * Format: double
@@ -1952,7 +2028,10 @@ export interface components {
             labels: string[];
             /** @description For each shape the numbers of its nearest neighbours, nearest first. */
             neighbours: number[][];
-            /** @description Places in the plane or in space, a row for each shape, whose distances are near to those (classical multidimensional scaling). */
+            /**
+             * @description Places in the plane or in space, a row for each shape, whose distances are near to those (classical
+             *     multidimensional scaling).
+             */
             places: components["schemas"]["Table"];
         };
         /**
@@ -1970,8 +2049,9 @@ export interface components {
             /** @description The ids of their bases. */
             bases: string[];
             /**
-             * @description Eigenvalues above the kernel of the operator; without it, 100, or as many as all bases have. The kernel is one zero for each part of the
-             *     mesh that is not held and on which no potential acts: it says nothing of the shape, and is left out.
+             * @description Eigenvalues above the kernel of the operator; without it, 100, or as many as all bases have. The kernel is one
+             *     zero for each part of the mesh that is not held and on which no potential acts: it says nothing of the shape,
+             *     and is left out.
              */
             count?: number | null;
             /** @description Dimensions of the places: 2 or 3. By default `2`. */
@@ -2014,10 +2094,14 @@ export interface components {
         CompressionAnswer: {
             /**
              * Format: int64
-             * @description Bytes that the functions of the basis take as they are stored: who decompresses must have them, whatever the number of pairs.
+             * @description Bytes that the functions of the basis take as they are stored: who decompresses must have them, whatever the
+             *     number of pairs.
              */
             basis_bytes: number;
-            /** @description Whether whoever has the faces computes the basis anew, so that it need not be sent: it is of the operator `graph`. */
+            /**
+             * @description Whether whoever has the faces computes the basis anew, so that it need not be sent: it is of the operator
+             *     `graph`.
+             */
             basis_from_faces: boolean;
             /**
              * Format: int32
@@ -2082,17 +2166,20 @@ export interface components {
             constraints?: components["schemas"]["Pin"][];
             /**
              * Format: double
-             * @description From how many degrees between the normals of its faces on an edge is a crease, which the field runs along on both sides; null for none. By default `35.0`.
+             * @description From how many degrees between the normals of its faces on an edge is a crease, which the field runs along on
+             *     both sides; null for none. By default `35.0`.
              */
             creases?: number | null;
             /**
              * Format: double
-             * @description The weight of the distance to the principal directions of curvature, on the surface of unit area: from a hundred on they are followed closely.
+             * @description The weight of the distance to the principal directions of curvature, on the surface of unit area: from a hundred
+             *     on they are followed closely.
              */
             curvature?: number;
             /**
-             * @description Whether faces with several creases at no right angles are split at their barycentres, so that each part follows one of them: without it such a
-             *     face follows the longest. Whatever is answered is then of the mesh with these parts, which files have in the place of the kept one. By default `false`.
+             * @description Whether faces with several creases at no right angles are split at their barycentres, so that each part follows
+             *     one of them: without it such a face follows the longest. Whatever is answered is then of the mesh with these
+             *     parts, which files have in the place of the kept one. By default `false`.
              */
             split?: boolean;
         };
@@ -2103,30 +2190,42 @@ export interface components {
             /** @description The smoothest one of all that follow creases and boundaries. */
             aligned: components["schemas"]["CrossRequest"];
         };
-        /** @description A field of a basis: of 4-vectors, or of what has directions to be completed to crosses, vectors, 2-vectors and tensors. */
+        /**
+         * @description A field of a basis: of 4-vectors, or of what has directions to be completed to crosses, vectors, 2-vectors and
+         *     tensors.
+         */
         CrossSourceBasis: {
-            /** @description A field of a basis: of 4-vectors, or of what has directions to be completed to crosses, vectors, 2-vectors and tensors. */
+            /**
+             * @description A field of a basis: of 4-vectors, or of what has directions to be completed to crosses, vectors, 2-vectors and
+             *     tensors.
+             */
             basis: components["schemas"]["BasisField"];
         };
-        /** @description The id of a stored field on the same mesh: a saved design of what `basis` may be of, or an upload of what `table` has. */
+        /**
+         * @description The id of a stored field on the same mesh: a saved design of what `basis` may be of, or an upload of what
+         *     `table` has.
+         */
         CrossSourceStored: {
-            /** @description The id of a stored field on the same mesh: a saved design of what `basis` may be of, or an upload of what `table` has. */
+            /**
+             * @description The id of a stored field on the same mesh: a saved design of what `basis` may be of, or an upload of what
+             *     `table` has.
+             */
             stored: string;
         };
         /**
-         * @description A table with a row for each face: a direction of the cross, three numbers in ℝ³, or its representation in the frame of the face, two numbers
-         *     whose angle is four times that of the directions.
+         * @description A table with a row for each face: a direction of the cross, three numbers in ℝ³, or its representation in the
+         *     frame of the face, two numbers whose angle is four times that of the directions.
          */
         CrossSourceTable: {
             /**
-             * @description A table with a row for each face: a direction of the cross, three numbers in ℝ³, or its representation in the frame of the face, two numbers
-             *     whose angle is four times that of the directions.
+             * @description A table with a row for each face: a direction of the cross, three numbers in ℝ³, or its representation in the
+             *     frame of the face, two numbers whose angle is four times that of the directions.
              */
             table: components["schemas"]["Table"];
         };
         /**
-         * @description Eigenvalues that lie so close together that they count as one, of which not all are delivered: any functions of the cluster's eigenspace could
-         *     stand for those that are, and another computation may give others.
+         * @description Eigenvalues that lie so close together that they count as one, of which not all are delivered: any functions of the
+         *     cluster's eigenspace could stand for those that are, and another computation may give others.
          */
         CutCluster: {
             /** @description One more than the index of its last, or of the last that may belong to it. */
@@ -2200,8 +2299,8 @@ export interface components {
             /** @description What is left, without either: of the harmonic fields of handles and holes. */
             harmonic: number[];
             /**
-             * @description The function on the vertices whose gradient is `gradient`, in the units of the field times those of the mesh; its mean on each component is 0
-             *     where no boundary holds it.
+             * @description The function on the vertices whose gradient is `gradient`, in the units of the field times those of the mesh;
+             *     its mean on each component is 0 where no boundary holds it.
              */
             potential: number[];
             /** @description The squared length of gradient, co-gradient and harmonic part, as shares of that of the field (norms by area). */
@@ -2210,13 +2309,13 @@ export interface components {
         /** @description A vector field to be decomposed. */
         DecompositionRequest: {
             /**
-             * @description Which potentials vanish at a boundary: those of co-gradients (`tangential`: co-gradients and harmonic fields run along it), or those of
-             *     gradients (`normal`: gradients and harmonic fields run across it).
+             * @description Which potentials vanish at a boundary: those of co-gradients (`tangential`: co-gradients and harmonic fields run
+             *     along it), or those of gradients (`normal`: gradients and harmonic fields run across it).
              */
             boundary?: components["schemas"]["FieldBoundary"];
             /**
-             * @description The field, a row for each face: two columns are numbers in the frame of the face, three a vector in ℝ³, whose part across the face is left
-             *     out.
+             * @description The field, a row for each face: two columns are numbers in the frame of the face, three a vector in ℝ³, whose
+             *     part across the face is left out.
              */
             field: components["schemas"]["Table"];
         };
@@ -2226,7 +2325,10 @@ export interface components {
             count: number;
             /** @description What the examples number. */
             element: components["schemas"]["Element"];
-            /** @description The first offenders (at most `EXAMPLES`), numbered from 0 as in the input. An edge is named by a face beside it. */
+            /**
+             * @description The first offenders (at most `EXAMPLES`), numbered from 0 as in the input. An edge is named by a face beside
+             *     it.
+             */
             examples: number[];
             /** @description What is wrong. */
             kind: components["schemas"]["DefectKind"];
@@ -2235,7 +2337,7 @@ export interface components {
          * @description The kinds of defect.
          * @enum {string}
          */
-        DefectKind: "index_out_of_range" | "non_finite" | "out_of_range" | "repeated_vertex" | "zero_area" | "duplicate_face" | "unreferenced_vertex" | "equal_position" | "non_manifold_edge" | "non_manifold_vertex" | "inconsistent_orientation" | "triangle_off_boundary" | "boundary_not_given" | "off_surface";
+        DefectKind: "index_out_of_range" | "non_finite" | "out_of_range" | "repeated_vertex" | "zero_area" | "duplicate_face" | "unreferenced_vertex" | "equal_position" | "non_manifold_edge" | "non_manifold_vertex" | "inconsistent_orientation" | "triangle_off_boundary" | "boundary_not_given" | "off_surface" | "disputed_triangle";
         /** @description Functions that are known on both surfaces. */
         Descriptors: {
             /** @description On the source: a row for each vertex. */
@@ -2294,8 +2396,9 @@ export interface components {
             coefficients: number[];
             /**
              * Format: double
-             * @description How far the field of the coefficients is from that of least energy among all fields of the surface, as a share of its length (norms by area).
-             *     Where that field is the answer, this is the distance; else with `error` an estimate of it, and without null.
+             * @description How far the field of the coefficients is from that of least energy among all fields of the surface, as a share
+             *     of its length (norms by area). Where that field is the answer, this is the distance; else with `error` an
+             *     estimate of it, and without null.
              */
             error: number | null;
             /**
@@ -2317,8 +2420,8 @@ export interface components {
              */
             index_sum: number | null;
             /**
-             * @description With `exact` singularities the pairs of neighbouring faces across which the field turns by more than half a turn; all others match by the
-             *     least angle.
+             * @description With `exact` singularities the pairs of neighbouring faces across which the field turns by more than half a
+             *     turn; all others match by the least angle.
              */
             matching: components["schemas"]["MatchedFaces"][] | null;
             /** @description For each constraint the length of what is missing, in stored numbers. */
@@ -2326,32 +2429,37 @@ export interface components {
             /** @description The singular vertices inside the surface with their indices, where they are asked for. */
             singularities: components["schemas"]["SingularVertex"][] | null;
             /**
-             * @description Which fields the field is the one of least energy of: `surface`, all fields of the surface, or `basis`, those of the space.
+             * @description Which fields the field is the one of least energy of: `surface`, all fields of the surface, or `basis`, those of
+             *     the space.
              * @example surface
              */
             space: string;
         };
-        /** @description What field is wanted. A front-end sends the whole of it again whenever a stroke moves: what does not change costs nothing. */
+        /**
+         * @description What field is wanted. A front-end sends the whole of it again whenever a stroke moves: what does not change costs
+         *     nothing.
+         */
         DesignRequest: {
             alignment?: components["schemas"]["AlignmentRequest"] | null;
             /** @description What the field has to be. */
             constraints?: components["schemas"]["Pin"][];
             /**
-             * @description Whether to estimate how far the field is from that of least energy among all fields of the surface, as a share of its length. Where that field
-             *     is the answer, JSON tells in any case how far the field of the coefficients is from it.
+             * @description Whether to estimate how far the field is from that of least energy among all fields of the surface, as a share
+             *     of its length. Where that field is the answer, JSON tells in any case how far the field of the coefficients is
+             *     from it.
              */
             error?: boolean;
             faces?: components["schemas"]["FacesRequest"] | null;
             /**
              * Format: double
-             * @description Asks for the field of least energy among all fields of the surface itself, in place of that in the space of the basis: to this relative
-             *     tolerance, from 1e-10 to below 1.
+             * @description Asks for the field of least energy among all fields of the surface itself, in place of that in the space of the
+             *     basis: to this relative tolerance, from 1e-10 to below 1.
              */
             refine?: number | null;
             singularities?: components["schemas"]["SingularitiesRequest"] | null;
             /**
-             * @description Which fields the design is the one of least energy of: by default all fields of the surface where there is memory for two sparse factors of it,
-             *     else those of the space of the basis.
+             * @description Which fields the design is the one of least energy of: by default all fields of the surface where there is
+             *     memory for two sparse factors of it, else those of the space of the basis.
              */
             space?: components["schemas"]["DesignSpace"];
             /** @description Where the field should go along, softly. */
@@ -2392,7 +2500,10 @@ export interface components {
             /** @description Times above zero, in length² of the mesh; without them, half the inverse of the first eigenvalue above zero. */
             times?: number[] | null;
         };
-        /** @description Geodesic distance. Vertices that no path leads to are at an infinite distance, `null` in JSON, but for `spectral`, which cannot tell. */
+        /**
+         * @description Geodesic distance. Vertices that no path leads to are at an infinite distance, `null` in JSON, but for
+         *     `spectral`, which cannot tell.
+         */
         DistanceKindGeodesic: {
             /**
              * @description discriminator enum property added by openapi-typescript
@@ -2406,8 +2517,8 @@ export interface components {
             method?: "heat" | "exact" | "spectral";
             /**
              * Format: double
-             * @description How long heat flows, in length² of the mesh; without it, the square of the mean edge, and by `spectral` for each face the shortest of a
-             *     ladder of times at which heat reaches it. Not for `exact`.
+             * @description How long heat flows, in length² of the mesh; without it, the square of the mean edge, and by `spectral` for
+             *     each face the shortest of a ladder of times at which heat reaches it. Not for `exact`.
              */
             time?: number | null;
         };
@@ -2441,24 +2552,26 @@ export interface components {
         /** @description A stored basis. Of the kind `eigenbasis`. */
         EigenbasisBasisResource: components["schemas"]["EigenbasisBasisSummary"] & {
             /**
-             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped. Of a field
-             *     basis: of the lowest eigenvalues `estimates` of their errors, `bounds`, and whether they are as good as is usual, in `accuracy`. Null where
-             *     nothing is.
+             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether
+             *     nothing was skipped. Of a field basis: of the lowest eigenvalues `estimates` of their errors, `bounds`, and
+             *     whether they are as good as is usual, in `accuracy`. Null where nothing is.
              */
             certificate: components["schemas"]["Certificate"];
             /**
-             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the harmonic fields
-             *     of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how consistent
-             *     they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems, and
-             *     `measured_on`, of what measured its errors.
-             *     Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of what and why. Null where there is nothing of this.
+             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`,
+             *     `dense_columns` (for the harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps:
+             *     `bases`, `meshes` and `vertices` of the shapes, and how consistent they are, `cycles`. Of any kind, where a
+             *     graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems, and
+             *     `measured_on`, of what measured its errors. Of eigenpairs, where a faster way was given up for a surer one:
+             *     `fallbacks`, a list of what and why. Null where there is nothing of this.
              */
             details: components["schemas"]["EigenbasisDetails"] | null;
             /** @description m eigenvalues, ascending, in 1/length² of the mesh. */
             eigenvalues: number[];
             /**
-             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh,
-             *     how many vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
+             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`,
+             *     what was found of the mesh, how many vertices are no unknowns; of a solid also its `domain`, `solid` or
+             *     `surface_of_solid`. Null where the kind has no such choice.
              */
             operator: components["schemas"]["EigenbasisOperator"];
         } & {
@@ -2490,7 +2603,8 @@ export interface components {
             accuracy?: components["schemas"]["Accuracy"] | null;
             boundary?: components["schemas"]["Boundary"] | null;
             /**
-             * @description Whether eigenvalues are counted once and each pair is enclosed with its index: `complete` is true then, or the job fails.
+             * @description Whether eigenvalues are counted once and each pair is enclosed with its index: `complete` is true then, or the
+             *     job fails.
              * @example true
              */
             certify?: boolean | null;
@@ -2501,7 +2615,8 @@ export interface components {
              */
             count?: number | null;
             /**
-             * @description Functions of the subspace, at least the count; twice the count and at least the count plus 150, unless it is given.
+             * @description Functions of the subspace, at least the count; twice the count and at least the count plus 150, unless it is
+             *     given.
              * @example 1000
              */
             dimension?: number | null;
@@ -2514,10 +2629,11 @@ export interface components {
             method: "approximate";
             operator?: components["schemas"]["OperatorKind"] | null;
             /**
-             * @description Into how many parts a server divides the job, for several workers to solve at once: a number, or `auto`. The job waits for its parts without a
-             *     worker, and joins them. Not divided, unless it is given. Of `hsim` in the variant `sliced`, on surfaces, stored as columns: parts of 64 pairs
-             *     at least, with the same result but for rounding. Of `approximate`, for the Laplacian by cotangents with a lumped mass: parts of the surface,
-             *     with the same pairs and somewhat wider bounds.
+             * @description Into how many parts a server divides the job, for several workers to solve at once: a number, or `auto`. The job
+             *     waits for its parts without a worker, and joins them. Not divided, unless it is given. Of `hsim` in the variant
+             *     `sliced`, on surfaces, stored as columns: parts of 64 pairs at least, with the same result but for rounding. Of
+             *     `approximate`, for the Laplacian by cotangents with a lumped mass: parts of the surface, with the same pairs and
+             *     somewhat wider bounds.
              */
             parts?: ("auto" | number) | null;
             precision?: components["schemas"]["Precision"] | null;
@@ -2535,7 +2651,8 @@ export interface components {
             accuracy?: components["schemas"]["Accuracy"] | null;
             boundary?: components["schemas"]["Boundary"] | null;
             /**
-             * @description Whether eigenvalues are counted once and each pair is enclosed with its index: `complete` is true then, or the job fails.
+             * @description Whether eigenvalues are counted once and each pair is enclosed with its index: `complete` is true then, or the
+             *     job fails.
              * @example true
              */
             certify?: boolean | null;
@@ -2546,7 +2663,8 @@ export interface components {
              */
             count?: number | null;
             /**
-             * @description Functions of the subspace, at least the count; twice the count and at least the count plus 150, unless it is given.
+             * @description Functions of the subspace, at least the count; twice the count and at least the count plus 150, unless it is
+             *     given.
              * @example 1000
              */
             dimension?: number | null;
@@ -2559,10 +2677,11 @@ export interface components {
             method: "approximate";
             operator?: components["schemas"]["OperatorKindShown"] | null;
             /**
-             * @description Into how many parts a server divides the job, for several workers to solve at once: a number, or `auto`. The job waits for its parts without a
-             *     worker, and joins them. Not divided, unless it is given. Of `hsim` in the variant `sliced`, on surfaces, stored as columns: parts of 64 pairs
-             *     at least, with the same result but for rounding. Of `approximate`, for the Laplacian by cotangents with a lumped mass: parts of the surface,
-             *     with the same pairs and somewhat wider bounds.
+             * @description Into how many parts a server divides the job, for several workers to solve at once: a number, or `auto`. The job
+             *     waits for its parts without a worker, and joins them. Not divided, unless it is given. Of `hsim` in the variant
+             *     `sliced`, on surfaces, stored as columns: parts of 64 pairs at least, with the same result but for rounding. Of
+             *     `approximate`, for the Laplacian by cotangents with a lumped mass: parts of the surface, with the same pairs and
+             *     somewhat wider bounds.
              */
             parts?: ("auto" | number) | null;
             precision?: components["schemas"]["Precision"] | null;
@@ -2590,8 +2709,8 @@ export interface components {
              */
             below?: number | null;
             /**
-             * @description `[from, to]`: all pairs of an interval, `from` included and `to` not, in 1/length² of the mesh, instead of a count. All below `to` are
-             *     computed.
+             * @description `[from, to]`: all pairs of an interval, `from` included and `to` not, in 1/length² of the mesh, instead of a
+             *     count. All below `to` are computed.
              * @example [
              *       100,
              *       900
@@ -2600,7 +2719,8 @@ export interface components {
             between?: number[] | null;
             boundary?: components["schemas"]["Boundary"] | null;
             /**
-             * @description Whether eigenvalues are counted once and each pair is enclosed with its index: `complete` is true then, or the job fails.
+             * @description Whether eigenvalues are counted once and each pair is enclosed with its index: `complete` is true then, or the
+             *     job fails.
              * @example true
              */
             certify?: boolean | null;
@@ -2611,7 +2731,8 @@ export interface components {
              */
             count?: number | null;
             /**
-             * @description Functions of the subspace, at least the count; twice the count and at least the count plus 150, unless it is given.
+             * @description Functions of the subspace, at least the count; twice the count and at least the count plus 150, unless it is
+             *     given.
              * @example 1000
              */
             dimension?: number | null;
@@ -2629,10 +2750,11 @@ export interface components {
             method?: "auto";
             operator?: components["schemas"]["OperatorKind"] | null;
             /**
-             * @description Into how many parts a server divides the job, for several workers to solve at once: a number, or `auto`. The job waits for its parts without a
-             *     worker, and joins them. Not divided, unless it is given. Of `hsim` in the variant `sliced`, on surfaces, stored as columns: parts of 64 pairs
-             *     at least, with the same result but for rounding. Of `approximate`, for the Laplacian by cotangents with a lumped mass: parts of the surface,
-             *     with the same pairs and somewhat wider bounds.
+             * @description Into how many parts a server divides the job, for several workers to solve at once: a number, or `auto`. The job
+             *     waits for its parts without a worker, and joins them. Not divided, unless it is given. Of `hsim` in the variant
+             *     `sliced`, on surfaces, stored as columns: parts of 64 pairs at least, with the same result but for rounding. Of
+             *     `approximate`, for the Laplacian by cotangents with a lumped mass: parts of the surface, with the same pairs and
+             *     somewhat wider bounds.
              */
             parts?: ("auto" | number) | null;
             precision?: components["schemas"]["Precision"] | null;
@@ -2687,8 +2809,8 @@ export interface components {
              */
             below?: number | null;
             /**
-             * @description `[from, to]`: all pairs of an interval, `from` included and `to` not, in 1/length² of the mesh, instead of a count. All below `to` are
-             *     computed.
+             * @description `[from, to]`: all pairs of an interval, `from` included and `to` not, in 1/length² of the mesh, instead of a
+             *     count. All below `to` are computed.
              * @example [
              *       100,
              *       900
@@ -2697,7 +2819,8 @@ export interface components {
             between?: number[] | null;
             boundary?: components["schemas"]["Boundary"] | null;
             /**
-             * @description Whether eigenvalues are counted once and each pair is enclosed with its index: `complete` is true then, or the job fails.
+             * @description Whether eigenvalues are counted once and each pair is enclosed with its index: `complete` is true then, or the
+             *     job fails.
              * @example true
              */
             certify?: boolean | null;
@@ -2708,7 +2831,8 @@ export interface components {
              */
             count?: number | null;
             /**
-             * @description Functions of the subspace, at least the count; twice the count and at least the count plus 150, unless it is given.
+             * @description Functions of the subspace, at least the count; twice the count and at least the count plus 150, unless it is
+             *     given.
              * @example 1000
              */
             dimension?: number | null;
@@ -2726,10 +2850,11 @@ export interface components {
             method?: "auto";
             operator?: components["schemas"]["OperatorKindShown"] | null;
             /**
-             * @description Into how many parts a server divides the job, for several workers to solve at once: a number, or `auto`. The job waits for its parts without a
-             *     worker, and joins them. Not divided, unless it is given. Of `hsim` in the variant `sliced`, on surfaces, stored as columns: parts of 64 pairs
-             *     at least, with the same result but for rounding. Of `approximate`, for the Laplacian by cotangents with a lumped mass: parts of the surface,
-             *     with the same pairs and somewhat wider bounds.
+             * @description Into how many parts a server divides the job, for several workers to solve at once: a number, or `auto`. The job
+             *     waits for its parts without a worker, and joins them. Not divided, unless it is given. Of `hsim` in the variant
+             *     `sliced`, on surfaces, stored as columns: parts of 64 pairs at least, with the same result but for rounding. Of
+             *     `approximate`, for the Laplacian by cotangents with a lumped mass: parts of the surface, with the same pairs and
+             *     somewhat wider bounds.
              */
             parts?: ("auto" | number) | null;
             precision?: components["schemas"]["Precision"] | null;
@@ -2783,8 +2908,8 @@ export interface components {
              */
             below?: number | null;
             /**
-             * @description `[from, to]`: all pairs of an interval, `from` included and `to` not, in 1/length² of the mesh, instead of a count. All below `to` are
-             *     computed.
+             * @description `[from, to]`: all pairs of an interval, `from` included and `to` not, in 1/length² of the mesh, instead of a
+             *     count. All below `to` are computed.
              * @example [
              *       100,
              *       900
@@ -2810,10 +2935,11 @@ export interface components {
             method: "hsim";
             operator?: components["schemas"]["OperatorKind"] | null;
             /**
-             * @description Into how many parts a server divides the job, for several workers to solve at once: a number, or `auto`. The job waits for its parts without a
-             *     worker, and joins them. Not divided, unless it is given. Of `hsim` in the variant `sliced`, on surfaces, stored as columns: parts of 64 pairs
-             *     at least, with the same result but for rounding. Of `approximate`, for the Laplacian by cotangents with a lumped mass: parts of the surface,
-             *     with the same pairs and somewhat wider bounds.
+             * @description Into how many parts a server divides the job, for several workers to solve at once: a number, or `auto`. The job
+             *     waits for its parts without a worker, and joins them. Not divided, unless it is given. Of `hsim` in the variant
+             *     `sliced`, on surfaces, stored as columns: parts of 64 pairs at least, with the same result but for rounding. Of
+             *     `approximate`, for the Laplacian by cotangents with a lumped mass: parts of the surface, with the same pairs and
+             *     somewhat wider bounds.
              */
             parts?: ("auto" | number) | null;
             precision?: components["schemas"]["Precision"] | null;
@@ -2864,8 +2990,8 @@ export interface components {
              */
             below?: number | null;
             /**
-             * @description `[from, to]`: all pairs of an interval, `from` included and `to` not, in 1/length² of the mesh, instead of a count. All below `to` are
-             *     computed.
+             * @description `[from, to]`: all pairs of an interval, `from` included and `to` not, in 1/length² of the mesh, instead of a
+             *     count. All below `to` are computed.
              * @example [
              *       100,
              *       900
@@ -2891,10 +3017,11 @@ export interface components {
             method: "hsim";
             operator?: components["schemas"]["OperatorKindShown"] | null;
             /**
-             * @description Into how many parts a server divides the job, for several workers to solve at once: a number, or `auto`. The job waits for its parts without a
-             *     worker, and joins them. Not divided, unless it is given. Of `hsim` in the variant `sliced`, on surfaces, stored as columns: parts of 64 pairs
-             *     at least, with the same result but for rounding. Of `approximate`, for the Laplacian by cotangents with a lumped mass: parts of the surface,
-             *     with the same pairs and somewhat wider bounds.
+             * @description Into how many parts a server divides the job, for several workers to solve at once: a number, or `auto`. The job
+             *     waits for its parts without a worker, and joins them. Not divided, unless it is given. Of `hsim` in the variant
+             *     `sliced`, on surfaces, stored as columns: parts of 64 pairs at least, with the same result but for rounding. Of
+             *     `approximate`, for the Laplacian by cotangents with a lumped mass: parts of the surface, with the same pairs and
+             *     somewhat wider bounds.
              */
             parts?: ("auto" | number) | null;
             precision?: components["schemas"]["Precision"] | null;
@@ -3007,17 +3134,24 @@ export interface components {
         };
         /** @description How a basis came about. */
         EigenbasisDetails: {
-            /** @description A note for each dense problem: the graphics card that solved it, or why it did not; absent where no card had to do with it. */
+            /**
+             * @description A note for each dense problem: the graphics card that solved it, or why it did not; absent where no card had to
+             *     do with it.
+             */
             dense_solver?: string[];
             /** @description Where a faster way was given up for a surer one, and why; absent where none was. */
             fallbacks?: string[];
-            /** @description The graphics card that measured the errors of an approximation, a note for each time, or why it did not; absent where no card had to do with it. */
+            /**
+             * @description The graphics card that measured the errors of an approximation, a note for each time, or why it did not; absent
+             *     where no card had to do with it.
+             */
             measured_on?: string[];
             /** @description The parts that it was joined of, from the lowest pairs up; absent where it was solved in one piece. */
             parts?: {
                 /**
                  * Format: int64
-                 * @description Its pairs, those that it shares with its neighbours included; 0 where it was given up, and of an approximation, whose parts are of the surface.
+                 * @description Its pairs, those that it shares with its neighbours included; 0 where it was given up, and of an approximation,
+                 *     whose parts are of the surface.
                  */
                 pairs: number;
                 /**
@@ -3152,7 +3286,10 @@ export interface components {
         Element: "vertex" | "face" | "tetrahedron";
         /** @description What the approximation estimates of modes. */
         EstimatedModes: {
-            /** @description Whether none was skipped: only where exact modes stand in for approximate ones, of which some were lacking or too far off. */
+            /**
+             * @description Whether none was skipped: only where exact modes stand in for approximate ones, of which some were lacking or
+             *     too far off.
+             */
             complete: boolean;
             /**
              * Format: double
@@ -3175,8 +3312,8 @@ export interface components {
             lacking: number;
         };
         /**
-         * @description Faces that are spread evenly over a surface, the same in every request: each as far as possible from those before it, so that the first of many
-         *     are the sample of few.
+         * @description Faces that are spread evenly over a surface, the same in every request: each as far as possible from those before
+         *     it, so that the first of many are the sample of few.
          */
         FaceSample: {
             /** @description How many; all faces where there are fewer. */
@@ -3201,30 +3338,35 @@ export interface components {
              * @description The largest estimated error, as a share of the exact eigenvalue, fields without energy apart.
              */
             largest_estimate: number;
-            /** @description Whether that is at most the goal. Where it is false, such fields are eigenfields of the space and not of the surface. */
+            /**
+             * @description Whether that is at most the goal. Where it is false, such fields are eigenfields of the space and not of the
+             *     surface.
+             */
             reached: boolean;
         };
         /** @description A stored basis. Of the kind `field_basis`. */
         FieldBasisBasisResource: components["schemas"]["FieldBasisBasisSummary"] & {
             /**
-             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped. Of a field
-             *     basis: of the lowest eigenvalues `estimates` of their errors, `bounds`, and whether they are as good as is usual, in `accuracy`. Null where
-             *     nothing is.
+             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether
+             *     nothing was skipped. Of a field basis: of the lowest eigenvalues `estimates` of their errors, `bounds`, and
+             *     whether they are as good as is usual, in `accuracy`. Null where nothing is.
              */
             certificate: components["schemas"]["FieldCertificate"] | null;
             /**
-             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the harmonic fields
-             *     of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how consistent
-             *     they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems, and
-             *     `measured_on`, of what measured its errors.
-             *     Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of what and why. Null where there is nothing of this.
+             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`,
+             *     `dense_columns` (for the harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps:
+             *     `bases`, `meshes` and `vertices` of the shapes, and how consistent they are, `cycles`. Of any kind, where a
+             *     graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems, and
+             *     `measured_on`, of what measured its errors. Of eigenpairs, where a faster way was given up for a surer one:
+             *     `fallbacks`, a list of what and why. Null where there is nothing of this.
              */
             details: components["schemas"]["FieldBasisDetails"];
             /** @description m eigenvalues, ascending, in 1/length² of the mesh. */
             eigenvalues: number[];
             /**
-             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh,
-             *     how many vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
+             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`,
+             *     what was found of the mesh, how many vertices are no unknowns; of a solid also its `domain`, `solid` or
+             *     `surface_of_solid`. Null where the kind has no such choice.
              */
             operator: Record<string, never> | null;
         } & {
@@ -3329,8 +3471,8 @@ export interface components {
              */
             dimension?: number | null;
             /**
-             * @description Of how many of the lowest eigenfields, besides those without energy, the errors are estimated: without it of 8, on surfaces of more than 270,000
-             *     faces of fewer. 0: of none.
+             * @description Of how many of the lowest eigenfields, besides those without energy, the errors are estimated: without it of 8,
+             *     on surfaces of more than 270,000 faces of fewer. 0: of none.
              * @example 8
              */
             estimates?: number | null;
@@ -3375,8 +3517,8 @@ export interface components {
              */
             dimension?: number | null;
             /**
-             * @description Of how many of the lowest eigenfields, besides those without energy, the errors are estimated: without it of 8, on surfaces of more than 270,000
-             *     faces of fewer. 0: of none.
+             * @description Of how many of the lowest eigenfields, besides those without energy, the errors are estimated: without it of 8,
+             *     on surfaces of more than 270,000 faces of fewer. 0: of none.
              * @example 8
              */
             estimates?: number | null;
@@ -3416,11 +3558,14 @@ export interface components {
         FieldCertificate: {
             /** @description How near they come to what is usual. */
             accuracy: components["schemas"]["FieldAccuracyReport"];
-            /** @description For each of them: some exact eigenvalue lies within this of its eigenvalue, in 1/length², up to rounding; null where no such bound is known. */
+            /**
+             * @description For each of them: some exact eigenvalue lies within this of its eigenvalue, in 1/length², up to rounding; null
+             *     where no such bound is known.
+             */
             bounds: (number | null)[];
             /**
-             * @description For each of the lowest eigenfields, as many as were judged, about how far its eigenvalue lies above the exact one of the same index, in
-             *     1/length².
+             * @description For each of the lowest eigenfields, as many as were judged, about how far its eigenvalue lies above the exact
+             *     one of the same index, in 1/length².
              */
             estimates: number[];
         };
@@ -3432,8 +3577,8 @@ export interface components {
         /** @description How columns are smoothed; lengths and times are relative to the surface of unit area and the number of samples `N`. */
         FieldHeat: {
             /**
-             * @description Degree of the last smoothing; by default 6 for vector fields and 4 for others, which turn more from face to face: what is smoother than they
-             *     are cannot follow them.
+             * @description Degree of the last smoothing; by default 6 for vector fields and 4 for others, which turn more from face to
+             *     face: what is smoother than they are cannot follow them.
              */
             degree?: number | null;
             /**
@@ -3455,7 +3600,8 @@ export interface components {
             steps?: number;
             /**
              * Format: double
-             * @description Blocks of at most this magnitude become zero; by default .0056 for vector fields and .004 for others: some fifteen blocks stay for each face.
+             * @description Blocks of at most this magnitude become zero; by default .0056 for vector fields and .004 for others: some
+             *     fifteen blocks stay for each face.
              */
             threshold?: number | null;
             /**
@@ -3472,9 +3618,10 @@ export interface components {
         /** @description What is stored in a face. */
         FieldKind: components["schemas"]["FieldKindVector"] | components["schemas"]["FieldKindNVector"] | components["schemas"]["FieldKindTensor"];
         /**
-         * @description `n` vectors, equal up to turns by 360°/n, as one representation vector: its angle is `n` times theirs. For `n = 1` a tangent vector.
-         *     The operator carries vectors from face to face and weighs what differs as the thesis does; it is no discretisation of the connection Laplacian: on equal triangles
-         *     its eigenvalues are twice those, and where triangles point one way they differ by direction.
+         * @description `n` vectors, equal up to turns by 360°/n, as one representation vector: its angle is `n` times theirs. For
+         *     `n = 1` a tangent vector. The operator carries vectors from face to face and weighs what differs as the thesis
+         *     does; it is no discretisation of the connection Laplacian: on equal triangles its eigenvalues are twice those,
+         *     and where triangles point one way they differ by direction.
          */
         FieldKindNVector: {
             /**
@@ -3694,8 +3841,8 @@ export interface components {
              */
             commutativity_defect: number;
             /**
-             * @description For each of them how well its embedding x agrees with the image y of the vertex that corresponds to it: 1 − ‖x − y‖² / (‖x‖² + ‖y‖²), from 0
-             *     to 1; null where `points` is.
+             * @description For each of them how well its embedding x agrees with the image y of the vertex that corresponds to it: 1 − ‖x −
+             *     y‖² / (‖x‖² + ‖y‖²), from 0 to 1; null where `points` is.
              */
             confidences: (number | null)[];
             /**
@@ -3717,8 +3864,8 @@ export interface components {
             /** @description The vertices of the target that were matched; null: all of them, in order. */
             matched: number[] | null;
             /**
-             * @description C, k × k: takes coefficients on the source to coefficients on the target, both surfaces scaled to unit area. Coefficients in the bases as they
-             *     are stored are taken over by √(area of the target / area of the source) C.
+             * @description C, k × k: takes coefficients on the source to coefficients on the target, both surfaces scaled to unit area.
+             *     Coefficients in the bases as they are stored are taken over by √(area of the target / area of the source) C.
              */
             matrix: components["schemas"]["Table"];
             /**
@@ -3726,7 +3873,10 @@ export interface components {
              * @description ‖CᵀC − I‖ / √k: 0 for a map that preserves areas.
              */
             orthogonality_defect: number;
-            /** @description For each of them the vertex of the source that corresponds to it; null at vertices of the target's file that were dropped. */
+            /**
+             * @description For each of them the vertex of the source that corresponds to it; null at vertices of the target's file that
+             *     were dropped.
+             */
             points: (number | null)[];
         };
         /**
@@ -3769,7 +3919,10 @@ export interface components {
             pairs?: number | null;
             /** @description Vertices of each surface that stand for it meanwhile; 2000 by default. */
             samples?: number | null;
-            /** @description Whether heat kernel signatures are used as such functions. They cannot tell the sides of a symmetric shape apart. */
+            /**
+             * @description Whether heat kernel signatures are used as such functions. They cannot tell the sides of a symmetric shape
+             *     apart.
+             */
             signatures?: boolean;
             /** @description The id of the basis on the source, where functions come from. */
             source: string;
@@ -3814,7 +3967,8 @@ export interface components {
             full?: number;
             /**
              * Format: double
-             * @description How much they fall towards `down`, 0.15 where it is left out: 1 turns the tip of a strand that stands across as much downwards as it grows.
+             * @description How much they fall towards `down`, 0.15 where it is left out: 1 turns the tip of a strand that stands across as
+             *     much downwards as it grows.
              */
             gravity?: number | null;
             /**
@@ -3855,7 +4009,8 @@ export interface components {
             light?: number[] | null;
             /**
              * Format: double
-             * @description The width of strands at their root, in the units of the mesh: as much as covers the surface where it is left out.
+             * @description The width of strands at their root, in the units of the mesh: as much as covers the surface where it is left
+             *     out.
              */
             thickness?: number | null;
         };
@@ -3900,8 +4055,8 @@ export interface components {
             least_length?: number | null;
             /**
              * Format: int32
-             * @description Levels of lines, each at half the distance of the one before, the last at the spacing: of drawings with a tone 3 where it is left out,
-             *     otherwise 1.
+             * @description Levels of lines, each at half the distance of the one before, the last at the spacing: of drawings with a tone 3
+             *     where it is left out, otherwise 1.
              */
             levels?: number | null;
             /** @description Lines at most. By default `100000`. */
@@ -3915,8 +4070,8 @@ export interface components {
             pen?: components["schemas"]["Pen"];
             /**
              * Format: double
-             * @description The distance between lines, in units of the square root of the surface's area: of lines 0.01 where it is left out, of drawings four widths of
-             *     the pen.
+             * @description The distance between lines, in units of the square root of the surface's area: of lines 0.01 where it is left
+             *     out, of drawings four widths of the pen.
              */
             spacing?: number | null;
             /**
@@ -4067,7 +4222,10 @@ export interface components {
             confidences: (number | null)[];
             /** @description The vertices of the source that were matched; null: all of them, in order. */
             matched: number[] | null;
-            /** @description For each of them the vertex of the target that corresponds to it; null at vertices of the source's file that were dropped. */
+            /**
+             * @description For each of them the vertex of the target that corresponds to it; null at vertices of the source's file that
+             *     were dropped.
+             */
             points: (number | null)[];
         };
         /**
@@ -4088,8 +4246,9 @@ export interface components {
             kind: string;
             /**
              * Format: int64
-             * @description About how much memory it needs, in bytes: an upper estimate for surfaces, and for problems, whose factor was counted. Pairs by a bound count
-             *     as `at_most`. Of an approximation in parts, what it takes to plan and join them, or what one of them takes.
+             * @description About how much memory it needs, in bytes: an upper estimate for surfaces, and for problems, whose factor was
+             *     counted. Pairs by a bound count as `at_most`. Of an approximation in parts, what it takes to plan and join them,
+             *     or what one of them takes.
              */
             memory_bytes: number;
             /**
@@ -4099,8 +4258,8 @@ export interface components {
             memory_limit_bytes: number;
             /**
              * Format: double
-             * @description About how many seconds of one core, right to a factor of two on a recent processor; `null` for what nobody has fitted, as pairs by a bound.
-             *     Waiting in the queue comes on top, and more threads shorten it.
+             * @description About how many seconds of one core, right to a factor of two on a recent processor; `null` for what nobody has
+             *     fitted, as pairs by a bound. Waiting in the queue comes on top, and more threads shorten it.
              */
             seconds: number | null;
             /** @description The threads that work on it. */
@@ -4140,13 +4299,16 @@ export interface components {
             max_attempts: number;
             /**
              * Format: int64
-             * @description An estimate of the memory it needs: jobs that together need more than the server has do not run at once. It grows where a job in parts turns out
-             *     to be done in one piece.
+             * @description An estimate of the memory it needs: jobs that together need more than the server has do not run at once. It
+             *     grows where a job in parts turns out to be done in one piece.
              */
             memory_bytes: number;
             /** @description Of a part, the job that it is a part of; null for others. */
             parent: string | null;
-            /** @description Of a job that is divided, how many of its parts are done, of all; null where it is not. It waits for them as `enqueued`, in the stage `parts`. */
+            /**
+             * @description Of a job that is divided, how many of its parts are done, of all; null where it is not. It waits for them as
+             *     `enqueued`, in the stage `parts`.
+             */
             parts: {
                 /**
                  * Format: int32
@@ -4415,8 +4577,8 @@ export interface components {
             /** @description How many the mesh has; of a solid, the vertices inside too, which follow those of its surface. */
             kept: number;
             /**
-             * @description Whether the numbering of the file is known. It is not of a mesh that was stored, and renumbered, before maps were kept: its own numbering
-             *     stands for it then; upload the file again to have its map.
+             * @description Whether the numbering of the file is known. It is not of a mesh that was stored, and renumbered, before maps
+             *     were kept: its own numbering stands for it then; upload the file again to have its map.
              */
             known: boolean;
             /** @description For each the number on the other side, or null where it has none. Several on the other side: the first. */
@@ -4492,24 +4654,26 @@ export interface components {
         /** @description A stored basis. Of the kind `map_collection`. */
         MapCollectionBasisResource: components["schemas"]["MapCollectionBasisSummary"] & {
             /**
-             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped. Of a field
-             *     basis: of the lowest eigenvalues `estimates` of their errors, `bounds`, and whether they are as good as is usual, in `accuracy`. Null where
-             *     nothing is.
+             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether
+             *     nothing was skipped. Of a field basis: of the lowest eigenvalues `estimates` of their errors, `bounds`, and
+             *     whether they are as good as is usual, in `accuracy`. Null where nothing is.
              */
             certificate: Record<string, never> | null;
             /**
-             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the harmonic fields
-             *     of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how consistent
-             *     they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems, and
-             *     `measured_on`, of what measured its errors.
-             *     Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of what and why. Null where there is nothing of this.
+             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`,
+             *     `dense_columns` (for the harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps:
+             *     `bases`, `meshes` and `vertices` of the shapes, and how consistent they are, `cycles`. Of any kind, where a
+             *     graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems, and
+             *     `measured_on`, of what measured its errors. Of eigenpairs, where a faster way was given up for a surer one:
+             *     `fallbacks`, a list of what and why. Null where there is nothing of this.
              */
             details: components["schemas"]["MapCollectionDetails"];
             /** @description m eigenvalues, ascending, in 1/length² of the mesh. */
             eigenvalues: number[];
             /**
-             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh,
-             *     how many vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
+             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`,
+             *     what was found of the mesh, how many vertices are no unknowns; of a solid also its `domain`, `solid` or
+             *     `surface_of_solid`. Null where the kind has no such choice.
              */
             operator: Record<string, never> | null;
         } & {
@@ -4603,10 +4767,14 @@ export interface components {
         };
         /** @description How shapes are mapped to each other. Defaults that depend on the shapes are filled in when these are known. */
         MapCollectionParameters: {
-            /** @description Whether maps keep the orientation that the faces of the meshes give. Without it nothing tells the sides of a symmetric shape apart. By default `true`. */
+            /**
+             * @description Whether maps keep the orientation that the faces of the meshes give. Without it nothing tells the sides of a
+             *     symmetric shape apart. By default `true`.
+             */
             oriented?: boolean;
             /**
-             * @description The size of the refined maps: 100, or as many pairs as all bases have, unless it is given. Shapes times pairs are at most 4,096.
+             * @description The size of the refined maps: 100, or as many pairs as all bases have, unless it is given. Shapes times pairs
+             *     are at most 4,096.
              * @example 60
              */
             pairs?: number | null;
@@ -4643,9 +4811,15 @@ export interface components {
             bases: string[];
             /** @description Whether the answer has the matrices beside the points. */
             matrices?: boolean;
-            /** @description Whether maps keep the orientation that the faces of the meshes give. Without it nothing tells the sides of a symmetric shape apart. By default `true`. */
+            /**
+             * @description Whether maps keep the orientation that the faces of the meshes give. Without it nothing tells the sides of a
+             *     symmetric shape apart. By default `true`.
+             */
             oriented?: boolean;
-            /** @description The size of the refined maps; 100 by default, or as many as all bases have. Shapes times pairs are at most 4,096. */
+            /**
+             * @description The size of the refined maps; 100 by default, or as many as all bases have. Shapes times pairs are at most
+             *     4,096.
+             */
             pairs?: number | null;
             /** @description Whether each pair is refined by itself at the end: nearer to the truth, and a little less consistent. By default `true`. */
             polish?: boolean;
@@ -4666,7 +4840,10 @@ export interface components {
              */
             disagreement: number;
             matrix: components["schemas"]["Table"] | null;
-            /** @description For each vertex of the target the vertex of the source that corresponds to it; null at vertices of the target's file that were dropped. */
+            /**
+             * @description For each vertex of the target the vertex of the source that corresponds to it; null at vertices of the target's
+             *     file that were dropped.
+             */
             points: (number | null)[];
             /** @description The place in `bases` of the shape where functions come from. */
             source: number;
@@ -4684,8 +4861,8 @@ export interface components {
             faces: number[];
             /**
              * Format: int32
-             * @description Full turns of the representation from the first face to the second, beyond the least angle: of n directions number k goes on as the `turns`
-             *     next one after that which is nearest to it.
+             * @description Full turns of the representation from the first face to the second, beyond the least angle: of n directions
+             *     number k goes on as the `turns` next one after that which is nearest to it.
              */
             turns: number;
         };
@@ -4786,7 +4963,8 @@ export interface components {
         /**
          * @description What is known about a triangle mesh after it was checked and repaired.
          *
-         *     Counts and topology describe the mesh as it will be used, after the repairs. Defects describe the mesh as it was given.
+         *     Counts and topology describe the mesh as it will be used, after the repairs. Defects describe the mesh as it was
+         *     given.
          */
         MeshReport: {
             /**
@@ -4798,8 +4976,8 @@ export interface components {
             /** @description Edges with one face. */
             boundary_edges: number;
             /**
-             * @description Closed chains of boundary edges, followed around one fan of faces at a time. A chain that ends at a non-manifold edge
-             *     counts as one.
+             * @description Closed chains of boundary edges, followed around one fan of faces at a time. A chain that ends at a non-manifold
+             *     edge counts as one.
              */
             boundary_loops: number;
             /** @description The least and the greatest coordinates, in units of the input; zeros where no vertex is finite. */
@@ -4807,8 +4985,8 @@ export interface components {
             /** @description Whether there are faces and every edge has at least two. */
             closed: boolean;
             /**
-             * @description Connected components, joined through vertices: the dimension of the kernel of the stiffness matrix, as long as no
-             *     part hangs on by zero-area faces alone.
+             * @description Connected components, joined through vertices: the dimension of the kernel of the stiffness matrix, as long as
+             *     no part hangs on by zero-area faces alone.
              */
             components: number;
             /** @description What is wrong with the mesh as given, by kind; kinds that do not occur are left out. */
@@ -4825,19 +5003,31 @@ export interface components {
             file?: components["schemas"]["FileSize"] | null;
             /**
              * Format: int64
-             * @description The genus of each component, summed: `components − (χ + boundary_loops) / 2`. `None` unless the mesh is manifold and
-             *     orientable.
+             * @description The genus of each component, summed: `components − (χ + boundary_loops) / 2`. `None` unless the mesh is manifold
+             *     and orientable.
              */
             genus: number | null;
             /** @description Whether every edge has at most two faces and the faces around every vertex form one fan. */
             manifold: boolean;
-            /** @description Whether the faces can be turned so that the two faces of every manifold edge run along it in opposite directions. */
+            /**
+             * @description Whether the faces can be turned so that the two faces of every manifold edge run along it in opposite
+             *     directions.
+             */
             orientable: boolean;
-            /** @description Whether the file has points without faces. Area and components are then those of the triangles that are made around each point. */
+            /**
+             * @description Whether the file has points without faces. Area and components are then those of the triangles that are made
+             *     around each point.
+             */
             points?: boolean;
-            /** @description Polygons of more than three corners that keep their shape: the Laplacian is made of them, not of the triangles that they were cut into. */
+            /**
+             * @description Polygons of more than three corners that keep their shape: the Laplacian is made of them, not of the triangles
+             *     that they were cut into.
+             */
             polygons?: number;
-            /** @description What was done about it; none of it loses anything, but for `LeftOutTetrahedra`, which is done on request alone. */
+            /**
+             * @description What was done about it; none of it loses anything, but for `LeftOutTetrahedra`, which is done on
+             *     request alone.
+             */
             repairs: components["schemas"]["Repair"][];
             solid?: components["schemas"]["SolidReport"] | null;
             /**
@@ -4920,8 +5110,8 @@ export interface components {
             /** @description The name it was given. */
             name: string | null;
             /**
-             * @description Area, bounding box, Euler characteristic, genus, components, boundary loops, each kind of defect with a count and its
-             *     first offenders, and what was repaired.
+             * @description Area, bounding box, Euler characteristic, genus, components, boundary loops, each kind of defect with a count
+             *     and its first offenders, and what was repaired.
              */
             report: components["schemas"]["MeshReport"];
             /**
@@ -4974,7 +5164,10 @@ export interface components {
              */
             within: number;
         };
-        /** @description A pair whose enclosure reaches a bound that was asked for: it is for its value that it counts as below the bound or not. */
+        /**
+         * @description A pair whose enclosure reaches a bound that was asked for: it is for its value that it counts as below the bound or
+         *     not.
+         */
         OnBound: {
             /** @description Whether it counts as below. */
             below: boolean;
@@ -4999,24 +5192,26 @@ export interface components {
         /** @description A stored basis. Of the kind `operator_family`. */
         OperatorFamilyBasisResource: components["schemas"]["OperatorFamilyBasisSummary"] & {
             /**
-             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped. Of a field
-             *     basis: of the lowest eigenvalues `estimates` of their errors, `bounds`, and whether they are as good as is usual, in `accuracy`. Null where
-             *     nothing is.
+             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether
+             *     nothing was skipped. Of a field basis: of the lowest eigenvalues `estimates` of their errors, `bounds`, and
+             *     whether they are as good as is usual, in `accuracy`. Null where nothing is.
              */
             certificate: Record<string, never> | null;
             /**
-             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the harmonic fields
-             *     of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how consistent
-             *     they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems, and
-             *     `measured_on`, of what measured its errors.
-             *     Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of what and why. Null where there is nothing of this.
+             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`,
+             *     `dense_columns` (for the harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps:
+             *     `bases`, `meshes` and `vertices` of the shapes, and how consistent they are, `cycles`. Of any kind, where a
+             *     graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems, and
+             *     `measured_on`, of what measured its errors. Of eigenpairs, where a faster way was given up for a surer one:
+             *     `fallbacks`, a list of what and why. Null where there is nothing of this.
              */
             details: components["schemas"]["OperatorFamilyDetails"];
             /** @description m eigenvalues, ascending, in 1/length² of the mesh. */
             eigenvalues: number[];
             /**
-             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh,
-             *     how many vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
+             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`,
+             *     what was found of the mesh, how many vertices are no unknowns; of a solid also its `domain`, `solid` or
+             *     `surface_of_solid`. Null where the kind has no such choice.
              */
             operator: components["schemas"]["OperatorReport"];
         } & {
@@ -5087,8 +5282,8 @@ export interface components {
         /** @description What is to be computed, every default filled in. */
         OperatorFamilyParameters: {
             /**
-             * @description The most functions of the subspace, 10 to 4000. An equal share of them are eigenfunctions of each anchor; spectra are accurate up to about
-             *     three quarters of that many pairs. By default `780`.
+             * @description The most functions of the subspace, 10 to 4000. An equal share of them are eigenfunctions of each anchor;
+             *     spectra are accurate up to about three quarters of that many pairs. By default `780`.
              * @example 780
              */
             dimension?: number;
@@ -5134,14 +5329,26 @@ export interface components {
         };
         /** @description Which operator is wanted. */
         OperatorKindShown: ("auto" | "laplace" | "polygon" | "robust" | "volume" | "graph" | "hodge") | components["schemas"]["OperatorKindExtrinsic"] | components["schemas"]["OperatorKindHamiltonianShown"] | components["schemas"]["OperatorKindWeightedShown"];
-        /** @description Laplace–Beltrami by cotangents in parts: with weights of the faces, numbers or tensors, and vertices that are held at zero. */
+        /**
+         * @description Laplace–Beltrami by cotangents in parts: with weights of the faces, numbers or tensors, and vertices that are
+         *     held at zero.
+         */
         OperatorKindWeighted: {
-            /** @description Laplace–Beltrami by cotangents in parts: with weights of the faces, numbers or tensors, and vertices that are held at zero. */
+            /**
+             * @description Laplace–Beltrami by cotangents in parts: with weights of the faces, numbers or tensors, and vertices that are
+             *     held at zero.
+             */
             weighted: components["schemas"]["OperatorParts"];
         };
-        /** @description Laplace–Beltrami by cotangents in parts: with weights of the faces, numbers or tensors, and vertices that are held at zero. */
+        /**
+         * @description Laplace–Beltrami by cotangents in parts: with weights of the faces, numbers or tensors, and vertices that are
+         *     held at zero.
+         */
         OperatorKindWeightedShown: {
-            /** @description Laplace–Beltrami by cotangents in parts: with weights of the faces, numbers or tensors, and vertices that are held at zero. */
+            /**
+             * @description Laplace–Beltrami by cotangents in parts: with weights of the faces, numbers or tensors, and vertices that are
+             *     held at zero.
+             */
             weighted: components["schemas"]["OperatorPartsShown"];
         };
         /**
@@ -5162,11 +5369,15 @@ export interface components {
         OperatorParts: {
             /** @description Vertices at which functions are zero (Dirichlet), in any order. By default `[]`. */
             fixed?: number[];
-            /** @description A positive number for each face, which multiplies its share of the stiffness. Ones, unless they or tensors are given. By default `[]`. */
+            /**
+             * @description A positive number for each face, which multiplies its share of the stiffness. Ones, unless they or tensors are
+             *     given. By default `[]`.
+             */
             scalars?: number[];
             /**
-             * @description Three numbers for each face, one after the other: `xx`, `xy` and `yy` of a positive definite tensor in the frame of the face, whose `x` runs
-             *     along the edge from its first corner to its second, and `y` to the side of the third. By default `[]`.
+             * @description Three numbers for each face, one after the other: `xx`, `xy` and `yy` of a positive definite tensor in the frame
+             *     of the face, whose `x` runs along the edge from its first corner to its second, and `y` to the side of the
+             *     third. By default `[]`.
              */
             tensors?: number[];
         };
@@ -5192,7 +5403,10 @@ export interface components {
         };
         /** @description What was chosen and come across when an operator was made. */
         OperatorReport: {
-            /** @description Whether the flips came to an end, so that no weight of the stiffness is negative. Without the robust Laplacian nobody asked. */
+            /**
+             * @description Whether the flips came to an end, so that no weight of the stiffness is negative. Without the robust Laplacian
+             *     nobody asked.
+             */
             delaunay: boolean;
             /** @description Tetrahedra too flat to have a volume: they contribute nothing. */
             flat_tetrahedra?: number;
@@ -5204,7 +5418,8 @@ export interface components {
             massless_vertices: number;
             /**
              * Format: double
-             * @description What was added to the length of each edge before anything else, as a share of the mean length; 0 without the robust Laplacian.
+             * @description What was added to the length of each edge before anything else, as a share of the mean length; 0 without the
+             *     robust Laplacian.
              */
             mollification: number;
             /** @description Edges with three or more faces. */
@@ -5265,24 +5480,26 @@ export interface components {
         /** @description A stored basis. Of the kind `pencil_basis`. */
         PencilBasisBasisResource: components["schemas"]["PencilBasisBasisSummary"] & {
             /**
-             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped. Of a field
-             *     basis: of the lowest eigenvalues `estimates` of their errors, `bounds`, and whether they are as good as is usual, in `accuracy`. Null where
-             *     nothing is.
+             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether
+             *     nothing was skipped. Of a field basis: of the lowest eigenvalues `estimates` of their errors, `bounds`, and
+             *     whether they are as good as is usual, in `accuracy`. Null where nothing is.
              */
             certificate: components["schemas"]["Certificate"];
             /**
-             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the harmonic fields
-             *     of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how consistent
-             *     they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems, and
-             *     `measured_on`, of what measured its errors.
-             *     Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of what and why. Null where there is nothing of this.
+             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`,
+             *     `dense_columns` (for the harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps:
+             *     `bases`, `meshes` and `vertices` of the shapes, and how consistent they are, `cycles`. Of any kind, where a
+             *     graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems, and
+             *     `measured_on`, of what measured its errors. Of eigenpairs, where a faster way was given up for a surer one:
+             *     `fallbacks`, a list of what and why. Null where there is nothing of this.
              */
             details: components["schemas"]["PencilBasisDetails"];
             /** @description m eigenvalues, ascending, in 1/length² of the mesh. */
             eigenvalues: number[];
             /**
-             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh,
-             *     how many vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
+             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`,
+             *     what was found of the mesh, how many vertices are no unknowns; of a solid also its `domain`, `solid` or
+             *     `surface_of_solid`. Null where the kind has no such choice.
              */
             operator: Record<string, never> | null;
         } & {
@@ -5368,7 +5585,8 @@ export interface components {
         PencilBasisParameters: {
             /**
              * Format: double
-             * @description With a count: not the lowest pairs, but those whose eigenvalues are nearest to this number. All below it are computed as well.
+             * @description With a count: not the lowest pairs, but those whose eigenvalues are nearest to this number. All below it are
+             *     computed as well.
              * @example 1.5
              */
             around?: number | null;
@@ -5384,7 +5602,8 @@ export interface components {
              */
             below?: number | null;
             /**
-             * @description `[from, to]`: all pairs of an interval, `from` included and `to` not, instead of a count. All below `to` are computed.
+             * @description `[from, to]`: all pairs of an interval, `from` included and `to` not, instead of a count. All below `to` are
+             *     computed.
              * @example [
              *       -0.1,
              *       0.1
@@ -5397,8 +5616,8 @@ export interface components {
              */
             count?: number | null;
             /**
-             * @description Rows whose entries are zero in every vector (Dirichlet), from 0, up to a million: they and their columns are left out. In ascending order,
-             *     each once, in answers. By default `[]`.
+             * @description Rows whose entries are zero in every vector (Dirichlet), from 0, up to a million: they and their columns are
+             *     left out. In ascending order, each once, in answers. By default `[]`.
              * @example [
              *       0,
              *       1,
@@ -5415,7 +5634,8 @@ export interface components {
             seed?: number;
             /**
              * Format: double
-             * @description The largest residual ‖Sx − λMx‖ / ‖(S + cM)x‖ of a pair, 1e-8 unless it is given; eigenvalues are as exact as its square.
+             * @description The largest residual ‖Sx − λMx‖ / ‖(S + cM)x‖ of a pair, 1e-8 unless it is given; eigenvalues are as exact as
+             *     its square.
              * @example 0.000001
              */
             tolerance?: number | null;
@@ -5424,7 +5644,8 @@ export interface components {
         PencilBasisParametersShown: {
             /**
              * Format: double
-             * @description With a count: not the lowest pairs, but those whose eigenvalues are nearest to this number. All below it are computed as well.
+             * @description With a count: not the lowest pairs, but those whose eigenvalues are nearest to this number. All below it are
+             *     computed as well.
              * @example 1.5
              */
             around?: number | null;
@@ -5440,7 +5661,8 @@ export interface components {
              */
             below?: number | null;
             /**
-             * @description `[from, to]`: all pairs of an interval, `from` included and `to` not, instead of a count. All below `to` are computed.
+             * @description `[from, to]`: all pairs of an interval, `from` included and `to` not, instead of a count. All below `to` are
+             *     computed.
              * @example [
              *       -0.1,
              *       0.1
@@ -5462,7 +5684,8 @@ export interface components {
             seed?: number;
             /**
              * Format: double
-             * @description The largest residual ‖Sx − λMx‖ / ‖(S + cM)x‖ of a pair, 1e-8 unless it is given; eigenvalues are as exact as its square.
+             * @description The largest residual ‖Sx − λMx‖ / ‖(S + cM)x‖ of a pair, 1e-8 unless it is given; eigenvalues are as exact as
+             *     its square.
              * @example 0.000001
              */
             tolerance?: number | null;
@@ -5551,7 +5774,8 @@ export interface components {
         ProblemParts: {
             /**
              * Format: binary
-             * @description The mass M: a matrix as S, or its diagonal as NPY or a Matrix Market array of one column; the identity where it is absent.
+             * @description The mass M: a matrix as S, or its diagonal as NPY or a Matrix Market array of one column; the identity where it
+             *     is absent.
              */
             mass?: Blob;
             /** @description As in the query. */
@@ -5571,7 +5795,8 @@ export interface components {
             entries: number;
             /**
              * Format: int64
-             * @description Entries of a factor of S − μM, which tell the memory of a job; null where the matrices were too large to be analysed at once.
+             * @description Entries of a factor of S − μM, which tell the memory of a job; null where the matrices were too large to be
+             *     analysed at once.
              */
             factor_entries: number | null;
             /**
@@ -5646,8 +5871,8 @@ export interface components {
             source_bytes: number;
         };
         /**
-         * @description The weight of a vertex by its distance from the sample, as a share of the support radius (appendix 2.A). All are 1 at the
-         *     sample.
+         * @description The weight of a vertex by its distance from the sample, as a share of the support radius (appendix 2.A). All are 1
+         *     at the sample.
          * @enum {string}
          */
         Profile: "cubic" | "linear" | "quintic" | "gaussian";
@@ -5713,25 +5938,33 @@ export interface components {
         QuadsAnswer: {
             /** @description For each face the coordinates `u`, `v` of its three corners, six numbers; whole numbers are grid lines. */
             coordinates: components["schemas"]["Table"];
-            /** @description By how many degrees the field misses the creases and boundaries that it was to follow: the mean by length, and the most. */
+            /**
+             * @description By how many degrees the field misses the creases and boundaries that it was to follow: the mean by length, and
+             *     the most.
+             */
             crease_error: number[] | null;
             /**
-             * @description The cut: for each of its edges, its two vertices and the quarter turns by which the directions of the second face are further than those of
-             *     the first.
+             * @description The cut: for each of its edges, its two vertices and the quarter turns by which the directions of the second
+             *     face are further than those of the first.
              */
             cut: components["schemas"]["CutEdge"][];
             /**
              * Format: double
-             * @description The root of the mean square, by area, of how far the gradients of the coordinates are from the directions, where 1 is the length of those.
+             * @description The root of the mean square, by area, of how far the gradients of the coordinates are from the directions, where
+             *     1 is the length of those.
              */
             deviation: number;
-            /** @description For each face one of its four directions in ℝ³, along which `u` grows; the same one from face to face, but across the cut. */
+            /**
+             * @description For each face one of its four directions in ℝ³, along which `u` grows; the same one from face to face, but
+             *     across the cut.
+             */
             directions: components["schemas"]["Table"];
             /** @description Faces that are turned over in the coordinates. */
             inverted: number[];
             /**
              * Format: double
-             * @description With `integers`, how far the worst of the whole numbers is from one: beyond rounding errors, they contradict each other.
+             * @description With `integers`, how far the worst of the whole numbers is from one: beyond rounding errors, they contradict
+             *     each other.
              */
             misfit: number | null;
             /** @description The singular vertices. */
@@ -5748,15 +5981,15 @@ export interface components {
         QuadsRequest: {
             /**
              * Format: double
-             * @description From how many degrees between the normals of its faces on an edge is to lie on a grid line, where the field runs along it; null for none.
-             *     Boundaries are as `field` says, or are followed. By default `35.0`.
+             * @description From how many degrees between the normals of its faces on an edge is to lie on a grid line, where the field runs
+             *     along it; null for none. Boundaries are as `field` says, or are followed. By default `35.0`.
              */
             creases?: number | null;
             /** @description The field. */
             field?: components["schemas"]["CrossSource"];
             /**
-             * @description Whether grid lines meet across the cut: singular vertices lie on crossings of them, and translations across the cut are whole. Without it the
-             *     parametrisation is seamless alone, which costs one solve.
+             * @description Whether grid lines meet across the cut: singular vertices lie on crossings of them, and translations across the
+             *     cut are whole. Without it the parametrisation is seamless alone, which costs one solve.
              */
             integers?: boolean;
             /**
@@ -5832,7 +6065,10 @@ export interface components {
              * @description Bytes of the write-ahead logs.
              */
             wal_bytes: number;
-            /** @description The workers that were heard of within a minute, by what they have; empty where this process shares its jobs with none. */
+            /**
+             * @description The workers that were heard of within a minute, by what they have; empty where this process shares its jobs with
+             *     none.
+             */
             workers: components["schemas"]["WorkerClass"][];
         };
         /**
@@ -5997,8 +6233,8 @@ export interface components {
          */
         SaveDesignRequest: {
             /**
-             * @description What is asked for, as of `POST /v1/bases/{id}/design`, but for `faces` and `error`. Up to 256 KiB; tables are better uploaded and named by
-             *     their ids.
+             * @description What is asked for, as of `POST /v1/bases/{id}/design`, but for `faces` and `error`. Up to 256 KiB; tables are
+             *     better uploaded and named by their ids.
              */
             design: components["schemas"]["DesignRequest"];
             /** @description A name for people, at most 200 characters. */
@@ -6203,13 +6439,17 @@ export interface components {
             /** @description Vertices whose displacements are wanted; all, unless it is given. */
             vertices?: number[] | null;
         };
-        /** @description Prescribed singularities: the smoothest field of unit length that has these and no others is what the design stays close to. */
+        /**
+         * @description Prescribed singularities: the smoothest field of unit length that has these and no others is what the design stays
+         *     close to.
+         */
         SingularitiesRequest: {
             /** @description The singular vertices; on a component without boundary their indices add up to its Euler characteristic. */
             at: components["schemas"]["SingularVertex"][];
             /**
-             * @description Whether the field itself is wanted: of length 1 everywhere, not of the space, with exactly these singularities, on each component turned to
-             *     fit the strokes there. Coefficients and energies are those of the design that stays close to it.
+             * @description Whether the field itself is wanted: of length 1 everywhere, not of the space, with exactly these singularities,
+             *     on each component turned to fit the strokes there. Coefficients and energies are those of the design that stays
+             *     close to it.
              */
             exact?: boolean;
             /**
@@ -6284,8 +6524,8 @@ export interface components {
         SpectrumAnswer: {
             coefficients: components["schemas"]["Table"] | null;
             /**
-             * @description How many of them, from the lowest, the space of the family was made for; those beyond can be many times too large. None where `curvature` is
-             *     above 20, all where the space has every function of the mesh.
+             * @description How many of them, from the lowest, the space of the family was made for; those beyond can be many times too
+             *     large. None where `curvature` is above 20, all where the space has every function of the mesh.
              */
             covered: number;
             /** @description Ascending, in 1/length² of the mesh. */
@@ -6319,7 +6559,10 @@ export interface components {
              * @enum {string}
              */
             give?: "eigenvalues" | "coefficients" | "modes";
-            /** @description With `modes` or `coefficients`: this pair alone, counted from 0, in one column. What shows one function needs no others. */
+            /**
+             * @description With `modes` or `coefficients`: this pair alone, counted from 0, in one column. What shows one function needs no
+             *     others.
+             */
             mode?: number | null;
         };
         /** @description A face that was split at its barycentre. */
@@ -6360,15 +6603,15 @@ export interface components {
         /** @description How the distance from a source to the vertices around it is measured. */
         StepDistance: ("dijkstra" | "euclidean" | "fast_marching") | components["schemas"]["StepDistanceStvd"];
         /**
-         * @description Short-term vector Dijkstra (Campen et al. 2013): the last `window` edges of a path are unfolded into the plane and
-         *     replaced by the straight line between their ends. A window of 1 is Dijkstra.
+         * @description Short-term vector Dijkstra (Campen et al. 2013): the last `window` edges of a path are unfolded into the plane
+         *     and replaced by the straight line between their ends. A window of 1 is Dijkstra.
          */
         StepDistanceStvd: {
             stvd: components["schemas"]["StepDistanceStvdMembers"];
         };
         /**
-         * @description Short-term vector Dijkstra (Campen et al. 2013): the last `window` edges of a path are unfolded into the plane and
-         *     replaced by the straight line between their ends. A window of 1 is Dijkstra.
+         * @description Short-term vector Dijkstra (Campen et al. 2013): the last `window` edges of a path are unfolded into the plane
+         *     and replaced by the straight line between their ends. A window of 1 is Dijkstra.
          */
         StepDistanceStvdMembers: {
             /**
@@ -6386,14 +6629,16 @@ export interface components {
         /** @description A stored field by its id. */
         StoredField: {
             /**
-             * @description The id: that of an upload (`POST /v1/meshes/{id}/fields`) or of a saved design (`POST /v1/bases/{id}/designs`) on the same mesh.
+             * @description The id: that of an upload (`POST /v1/meshes/{id}/fields`) or of a saved design (`POST /v1/bases/{id}/designs`)
+             *     on the same mesh.
              * @example 5c1f7e0a93b84d6f8e21a7b0c4d95f36
              */
             stored: string;
         };
         /**
-         * @description A soft constraint: one `face` or `point` with a value, or `points`, a line whose own direction the field is to follow. A value is a
-         *     `direction` in ℝ³ or a `frame_direction`; for tensors a `direction` with `values`, or a `tensor`.
+         * @description A soft constraint: one `face` or `point` with a value, or `points`, a line whose own direction the field is to
+         *     follow. A value is a `direction` in ℝ³ or a `frame_direction`; for tensors a `direction` with `values`, or a
+         *     `tensor`.
          */
         Stroke: {
             /** @description A direction in ℝ³, projected to the face; its length is the length of the field. */
@@ -6411,8 +6656,9 @@ export interface components {
             points?: number[][] | null;
             /**
              * Format: double
-             * @description How firmly the stroke holds, against what the field resists with there: alone, a stroke of strength `s` on one face misses the share
-             *     `1 / (1 + 100 s)` of its length. 1 is met to a percent, 0.1 to a tenth, on every surface, at every scale and with all weights of the energies. By default `1.0`.
+             * @description How firmly the stroke holds, against what the field resists with there: alone, a stroke of strength `s` on one
+             *     face misses the share `1 / (1 + 100 s)` of its length. 1 is met to a percent, 0.1 to a tenth, on every surface,
+             *     at every scale and with all weights of the energies. By default `1.0`.
              */
             strength?: number | null;
             /** @description A symmetric tensor in the frame of the face: a₁₁, a₂₂, a₁₂. */
@@ -6438,8 +6684,8 @@ export interface components {
         ToneRequest: {
             /**
              * Format: double
-             * @description The darkness, from 0 to 1, from which on lines are crossed by those of another direction, of 2-fields and vectors by lines across them; 1 and
-             *     more: never. By default `0.55`.
+             * @description The darkness, from 0 to 1, from which on lines are crossed by those of another direction, of 2-fields and
+             *     vectors by lines across them; 1 and more: never. By default `0.55`.
              */
             cross?: number | null;
             /**
@@ -6473,8 +6719,8 @@ export interface components {
             low: number;
         };
         /**
-         * @description Any function of the eigenvalue, by its values at some of them: linear in between, constant outside. The detail beyond the basis gets
-         *     what the last eigenvalue gets.
+         * @description Any function of the eigenvalue, by its values at some of them: linear in between, constant outside. The detail
+         *     beyond the basis gets what the last eigenvalue gets.
          */
         TransferCurve: {
             /**
@@ -6508,7 +6754,10 @@ export interface components {
              */
             low: number;
         };
-        /** @description Diffusion: `e^{−λ t}`, which grows where an eigenvalue is negative; the detail beyond the basis is damped as its last mode is. */
+        /**
+         * @description Diffusion: `e^{−λ t}`, which grows where an eigenvalue is negative; the detail beyond the basis is damped as its
+         *     last mode is.
+         */
         TransferHeat: {
             /**
              * @description discriminator enum property added by openapi-typescript
@@ -6563,8 +6812,8 @@ export interface components {
             values: number[];
         };
         /**
-         * @description Sharpening: `1 + strength · λ / (λ + cutoff)`, from 1 for the coarsest shape to `1 + strength` for detail, that beyond the basis
-         *     included. A negative strength, not below −1, softens. Eigenvalues below zero are taken as 0.
+         * @description Sharpening: `1 + strength · λ / (λ + cutoff)`, from 1 for the coarsest shape to `1 + strength` for detail, that
+         *     beyond the basis included. A negative strength, not below −1, softens. Eigenvalues below zero are taken as 0.
          */
         TransferSharpen: {
             /**
@@ -6585,7 +6834,10 @@ export interface components {
         };
         /** @description Vectors to be carried. */
         TransportRequest: {
-            /** @description The vectors: each with a `face` or a `point`, and a `direction` or a `frame_direction` whose length is carried as well. */
+            /**
+             * @description The vectors: each with a `face` or a `point`, and a `direction` or a `frame_direction` whose length is carried
+             *     as well.
+             */
             sources: components["schemas"]["Pin"][];
         };
         /**
@@ -6599,7 +6851,10 @@ export interface components {
          *     }
          */
         ValueGradientRequest: {
-            /** @description What each eigenvalue counts, from the first on: the derivatives of a loss by the eigenvalues. Those beyond the last do not count. */
+            /**
+             * @description What each eigenvalue counts, from the first on: the derivatives of a loss by the eigenvalues. Those beyond the
+             *     last do not count.
+             */
             weights?: number[];
         };
         /**
@@ -6656,7 +6911,10 @@ export interface components {
          *     }
          */
         VerificationReceipt: {
-            /** @description Its boundary condition; of vibration modes `free` or `clamped`, of a problem `dirichlet` where rows are fixed, else `none`. */
+            /**
+             * @description Its boundary condition; of vibration modes `free` or `clamped`, of a problem `dirichlet` where rows are fixed,
+             *     else `none`.
+             */
             boundary: string;
             /** @description Their bounds. */
             bounds: number[];
@@ -6679,7 +6937,10 @@ export interface components {
             hashes: components["schemas"]["ReceiptHashes"];
             /** @description Its mass matrix; `lumped` of vibration modes, of a problem `identity`, `diagonal` or `sparse`. */
             mass: string;
-            /** @description The operator that was assembled anew; `{"elastic": …}` of vibration modes, `pencil` where the matrices came as they are. */
+            /**
+             * @description The operator that was assembled anew; `{"elastic": …}` of vibration modes, `pencil` where the matrices came as
+             *     they are.
+             */
             operator: unknown;
             /**
              * Format: double
@@ -6693,8 +6954,8 @@ export interface components {
             pairs: number;
             /**
              * Format: int64
-             * @description So many of the pairs, from the first, are proven to be all there are from there; null where the basis claims no such thing, or it is not
-             *     confirmed.
+             * @description So many of the pairs, from the first, are proven to be all there are from there; null where the basis claims no
+             *     such thing, or it is not confirmed.
              */
             proven_complete: number | null;
             /** @description The residuals of the functions as they are stored. */
@@ -6707,8 +6968,8 @@ export interface components {
             /** @description The parameters of the job that made the basis. */
             solved_with: unknown;
             /**
-             * @description `confirmed` where everything is as the basis says, `refuted` where something is not, `unconfirmed` where nothing is wrong and something could
-             *     not be judged.
+             * @description `confirmed` where everything is as the basis says, `refuted` where something is not, `unconfirmed` where nothing
+             *     is wrong and something could not be judged.
              */
             verdict: string;
             /** @description Program and version. */
@@ -6717,24 +6978,26 @@ export interface components {
         /** @description A stored basis. Of the kind `vibration_basis`. */
         VibrationBasisBasisResource: components["schemas"]["VibrationBasisBasisSummary"] & {
             /**
-             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether nothing was skipped. Of a field
-             *     basis: of the lowest eigenvalues `estimates` of their errors, `bounds`, and whether they are as good as is usual, in `accuracy`. Null where
-             *     nothing is.
+             * @description What is proven: per pair a residual and a bound; the defect of orthonormality; with `method: hsim` whether
+             *     nothing was skipped. Of a field basis: of the lowest eigenvalues `estimates` of their errors, `bounds`, and
+             *     whether they are as good as is usual, in `accuracy`. Null where nothing is.
              */
             certificate: components["schemas"]["VibrationCertificate"] | null;
             /**
-             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`, `dense_columns` (for the harmonic fields
-             *     of handles), `nonzeros_per_row` and the `area` of the surface. Of maps: `bases`, `meshes` and `vertices` of the shapes, and how consistent
-             *     they are, `cycles`. Of any kind, where a graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems, and
-             *     `measured_on`, of what measured its errors.
-             *     Of eigenpairs, where a faster way was given up for a surer one: `fallbacks`, a list of what and why. Null where there is nothing of this.
+             * @description What only this kind of basis has. Of a field basis: `field` (its kind), `faces`, `numbers_per_face`,
+             *     `dense_columns` (for the harmonic fields of handles), `nonzeros_per_row` and the `area` of the surface. Of maps:
+             *     `bases`, `meshes` and `vertices` of the shapes, and how consistent they are, `cycles`. Of any kind, where a
+             *     graphics card took part in it or failed to: `dense_solver`, a list of what solved its dense problems, and
+             *     `measured_on`, of what measured its errors. Of eigenpairs, where a faster way was given up for a surer one:
+             *     `fallbacks`, a list of what and why. Null where there is nothing of this.
              */
             details: components["schemas"]["VibrationBasisDetails"];
             /** @description m eigenvalues, ascending, in 1/length² of the mesh. */
             eigenvalues: number[];
             /**
-             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`, what was found of the mesh,
-             *     how many vertices are no unknowns; of a solid also its `domain`, `solid` or `surface_of_solid`. Null where the kind has no such choice.
+             * @description How the operator was made, and why: `laplacian` (`cotangent`, `robust`, `volume` or `graph`) with its `reason`,
+             *     what was found of the mesh, how many vertices are no unknowns; of a solid also its `domain`, `solid` or
+             *     `surface_of_solid`. Null where the kind has no such choice.
              */
             operator: components["schemas"]["ElasticReport"];
         } & {
@@ -6828,7 +7091,8 @@ export interface components {
              */
             clamped?: number[];
             /**
-             * @description Whether a shell is held from turning about edges whose two ends are held: a clamp. Else it turns there without a moment: a hinge. By default `false`.
+             * @description Whether a shell is held from turning about edges whose two ends are held: a clamp. Else it turns there without a
+             *     moment: a hinge. By default `false`.
              * @example true
              */
             clamped_rotations?: boolean;
@@ -6843,8 +7107,8 @@ export interface components {
              */
             dimension?: number | null;
             /**
-             * @description Inverse iterations on the mesh that refine the modes of `approximate`, 0 to 4; with any they are kept as columns. Without it as many as bring
-             *     the estimated error of every frequency to 1 %.
+             * @description Inverse iterations on the mesh that refine the modes of `approximate`, 0 to 4; with any they are kept as
+             *     columns. Without it as many as bring the estimated error of every frequency to 1 %.
              * @example 2
              */
             inverse_iterations?: number | null;
@@ -6877,7 +7141,8 @@ export interface components {
         VibrationByApproximationShown: {
             clamped?: number[] | components["schemas"]["AbbreviatedList"];
             /**
-             * @description Whether a shell is held from turning about edges whose two ends are held: a clamp. Else it turns there without a moment: a hinge.
+             * @description Whether a shell is held from turning about edges whose two ends are held: a clamp. Else it turns there without a
+             *     moment: a hinge.
              * @example true
              */
             clamped_rotations?: boolean;
@@ -6892,8 +7157,8 @@ export interface components {
              */
             dimension?: number | null;
             /**
-             * @description Inverse iterations on the mesh that refine the modes of `approximate`, 0 to 4; with any they are kept as columns. Without it as many as bring
-             *     the estimated error of every frequency to 1 %.
+             * @description Inverse iterations on the mesh that refine the modes of `approximate`, 0 to 4; with any they are kept as
+             *     columns. Without it as many as bring the estimated error of every frequency to 1 %.
              * @example 2
              */
             inverse_iterations?: number | null;
@@ -6934,7 +7199,8 @@ export interface components {
              */
             clamped?: number[];
             /**
-             * @description Whether a shell is held from turning about edges whose two ends are held: a clamp. Else it turns there without a moment: a hinge. By default `false`.
+             * @description Whether a shell is held from turning about edges whose two ends are held: a clamp. Else it turns there without a
+             *     moment: a hinge. By default `false`.
              * @example true
              */
             clamped_rotations?: boolean;
@@ -6973,7 +7239,8 @@ export interface components {
         VibrationByHsimShown: {
             clamped?: number[] | components["schemas"]["AbbreviatedList"];
             /**
-             * @description Whether a shell is held from turning about edges whose two ends are held: a clamp. Else it turns there without a moment: a hinge.
+             * @description Whether a shell is held from turning about edges whose two ends are held: a clamp. Else it turns there without a
+             *     moment: a hinge.
              * @example true
              */
             clamped_rotations?: boolean;
@@ -7019,14 +7286,15 @@ export interface components {
         Weights: {
             /**
              * Format: double
-             * @description Of the biharmonic energy, without which a field has no value at a point: with 0 the answer to strokes and constraints on single faces depends
-             *     on how fine the mesh is, and in the space of the basis on its dimension. By default a twentieth of `harmonic`.
+             * @description Of the biharmonic energy, without which a field has no value at a point: with 0 the answer to strokes and
+             *     constraints on single faces depends on how fine the mesh is, and in the space of the basis on its dimension. By
+             *     default a twentieth of `harmonic`.
              */
             biharmonic?: number | null;
             /**
-             * @description Which biharmonic energy: that of the projected Laplacian, which fields of the space can make small, or the full (unreduced) one of the whole
-             *     mesh restricted to the space, which sees the noise of its columns. The second is for comparison; every choice of weights costs a
-             *     factorisation.
+             * @description Which biharmonic energy: that of the projected Laplacian, which fields of the space can make small, or the full
+             *     (unreduced) one of the whole mesh restricted to the space, which sees the noise of its columns. The second is
+             *     for comparison; every choice of weights costs a factorisation.
              */
             biharmonic_energy?: components["schemas"]["BiharmonicEnergy"];
             /**
@@ -7459,13 +7727,14 @@ export interface operations {
                 /** @description The type of the numbers of a raw body. */
                 dtype?: "f32" | "f64";
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
                 /**
@@ -7710,13 +7979,14 @@ export interface operations {
                 /** @description The type of the numbers of a raw answer. */
                 dtype?: "f32" | "f64";
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
             };
@@ -7846,18 +8116,19 @@ export interface operations {
                 /** @description How the numbers of a raw answer are written; JSON has them in single precision. */
                 encoding?: "f32" | "f16" | "octahedral";
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /**
-                 * @description Lifts the field to the faces and says how it is written. Without it JSON has the coefficients alone; raw answers, and those to requests with
-                 *     `faces`, are in `world` form.
+                 * @description Lifts the field to the faces and says how it is written. Without it JSON has the coefficients alone; raw
+                 *     answers, and those to requests with `faces`, are in `world` form.
                  */
                 form?: "world" | "frames" | "roots" | "axes";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
                 /** @description Whether to tell the singular vertices. Takes a pass over all vertices. */
@@ -7987,13 +8258,14 @@ export interface operations {
         parameters: {
             query?: {
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
             };
@@ -8135,13 +8407,14 @@ export interface operations {
                 /** @description The type of the numbers of a raw answer. */
                 dtype?: "f32" | "f64";
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
                 /** @description Whether the numbers of a raw body are pairs, not sources. */
@@ -8275,8 +8548,8 @@ export interface operations {
         parameters: {
             query?: {
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /** @description How the numbers of a face are written. */
@@ -8287,12 +8560,14 @@ export interface operations {
                  */
                 from?: number;
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
                 /**
-                 * @description Corrects the fields among all fields of the surface until their eigenvalues are estimated to be right to this share of them: 1e-10 to below 1.
+                 * @description Corrects the fields among all fields of the surface until their eigenvalues are estimated to be right to this
+                 *     share of them: 1e-10 to below 1.
                  * @example 0.001
                  */
                 refine?: number;
@@ -8421,15 +8696,16 @@ export interface operations {
                 /** @description The type of the numbers of a raw body and of a raw answer. */
                 dtype?: "f32" | "f64";
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /** @description `coordinates`, instead of a body. */
                 function?: "coordinates";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
                 /** @description Onto how many modes functions are projected, for a raw body; all by default. */
@@ -8567,13 +8843,14 @@ export interface operations {
         parameters: {
             query?: {
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
             };
@@ -8710,13 +8987,14 @@ export interface operations {
         parameters: {
             query?: {
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
             };
@@ -8837,15 +9115,16 @@ export interface operations {
         parameters: {
             query?: {
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /** @description Whether the answer has the matrices beside the points. */
                 matrices?: boolean;
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
                 /**
@@ -8946,8 +9225,8 @@ export interface operations {
                 /** @description The type of the numbers. */
                 dtype?: "f32" | "f64";
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /** @description Takes the place of `Accept`. */
@@ -8958,8 +9237,9 @@ export interface operations {
                  */
                 from?: number;
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
                 /**
@@ -9076,15 +9356,16 @@ export interface operations {
                 /** @description The type of the numbers of a raw body and of a raw answer. */
                 dtype?: "f32" | "f64";
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /** @description `coordinates`, instead of a body. */
                 function?: "coordinates";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
                 /** @description Onto how many modes functions are projected, for a raw body; all by default. */
@@ -9225,13 +9506,14 @@ export interface operations {
                 /** @description The type of the numbers of a raw body and of a raw answer */
                 dtype?: "f32" | "f64";
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
             };
@@ -9369,13 +9651,14 @@ export interface operations {
                 /** @description The type of the numbers of a raw answer. */
                 dtype?: "f32" | "f64";
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
                 /**
@@ -9508,13 +9791,14 @@ export interface operations {
                 /** @description The type of the numbers of a raw answer. */
                 dtype?: "f32" | "f64";
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
                 /**
@@ -9645,13 +9929,14 @@ export interface operations {
         parameters: {
             query?: {
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
             };
@@ -9776,13 +10061,14 @@ export interface operations {
         parameters: {
             query?: {
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
             };
@@ -9909,13 +10195,14 @@ export interface operations {
                 /** @description The type of the numbers of a raw answer. */
                 dtype?: "f32" | "f64";
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
             };
@@ -10511,15 +10798,19 @@ export interface operations {
         parameters: {
             query?: {
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
-                /** @description How the numbers of a face of a design are written, `world` where it is left out. Uploads are given back as they are. */
+                /**
+                 * @description How the numbers of a face of a design are written, `world` where it is left out. Uploads are given back as they
+                 *     are.
+                 */
                 form?: "world" | "frames" | "roots" | "axes";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
             };
@@ -10615,13 +10906,14 @@ export interface operations {
                 /** @description The type of the numbers of a raw answer. */
                 dtype?: "f32" | "f64";
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
                 /** @description Whether a raw answer is the matched points as little-endian u32, not the matrix. */
@@ -10745,13 +11037,14 @@ export interface operations {
         parameters: {
             query?: {
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
             };
@@ -10903,13 +11196,14 @@ export interface operations {
         parameters: {
             query?: {
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
                 /**
@@ -11056,8 +11350,8 @@ export interface operations {
         parameters: {
             query?: {
                 /**
-                 * @description Answer only when the job has ended, or after this time (`20s`, `1500ms`; at most a minute). With `If-None-Match`: when
-                 *     it has changed.
+                 * @description Answer only when the job has ended, or after this time (`20s`, `1500ms`; at most a minute). With
+                 *     `If-None-Match`: when it has changed.
                  * @example 20s
                  */
                 wait?: string;
@@ -11424,13 +11718,14 @@ export interface operations {
         parameters: {
             query?: {
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
             };
@@ -11586,14 +11881,14 @@ export interface operations {
         parameters: {
             query?: {
                 /**
-                 * @description The format: `obj`, `ply`, `off`, `stl`, `medit`, `vtk`, `gmsh`, `freesurfer`, `gltf`, `gifti`, `npz` or `json`. Takes the place of
-                 *     `Content-Type`.
+                 * @description The format: `obj`, `ply`, `off`, `stl`, `medit`, `vtk`, `gmsh`, `freesurfer`, `gltf`, `gifti`, `npz` or `json`.
+                 *     Takes the place of `Content-Type`.
                  * @example ply
                  */
                 format?: string;
                 /**
-                 * @description Whether vertices at exactly equal positions become one: `auto` (where the format repeats positions by design, as STL
-                 *     does), `always` or `never`.
+                 * @description Whether vertices at exactly equal positions become one: `auto` (where the format repeats positions by design, as
+                 *     STL does), `always` or `never`.
                  * @example auto
                  */
                 merge?: "auto" | "always" | "never";
@@ -11603,13 +11898,15 @@ export interface operations {
                  */
                 name?: string;
                 /**
-                 * @description How often every face is divided into four before the mesh is stored, 0 to 6. Eigenvalues of the finer mesh are nearer to those of the surface.
+                 * @description How often every face is divided into four before the mesh is stored, 0 to 6. Eigenvalues of the finer mesh are
+                 *     nearer to those of the surface.
                  * @example 0
                  */
                 subdivide?: number;
                 /**
-                 * @description Which surface is meant where a file has triangles and tetrahedra: `boundary`, where its tetrahedra have no neighbour (that is closed, and the
-                 *     solid's own), or `given`, its triangles, without an inside. By what the two differ is told among the defects.
+                 * @description Which surface is meant where a file has triangles and tetrahedra: `boundary`, where its tetrahedra have no
+                 *     neighbour (that is closed, and the solid's own), or `given`, its triangles, without an inside. By what the two
+                 *     differ is told among the defects.
                  * @example boundary
                  */
                 surface?: "boundary" | "given";
@@ -12074,13 +12371,14 @@ export interface operations {
                 /** @description The type of the numbers of a raw answer. */
                 dtype?: "f32" | "f64";
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
                 /** @description Whether the numbers of a raw body are pairs, not sources. */
@@ -12280,8 +12578,8 @@ export interface operations {
                 /** @description The type of raw numbers. They are kept in single precision. */
                 dtype?: "f32" | "f64";
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /**
@@ -12290,8 +12588,9 @@ export interface operations {
                  */
                 name?: string;
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
             };
@@ -12425,13 +12724,14 @@ export interface operations {
         parameters: {
             query?: {
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
             };
@@ -12527,13 +12827,14 @@ export interface operations {
         parameters: {
             query?: {
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
             };
@@ -12644,18 +12945,19 @@ export interface operations {
         parameters: {
             query?: {
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /**
-                 * @description The whole answer as JSON, or one file, of the mesh as it is kept: OBJ with texture coordinates, legacy VTK, or the field as Directional reads
-                 *     it.
+                 * @description The whole answer as JSON, or one file, of the mesh as it is kept: OBJ with texture coordinates, legacy VTK, or
+                 *     the field as Directional reads it.
                  */
                 format?: "json" | "obj" | "vtk" | "rawfield" | "matching" | "singularities";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
             };
@@ -12779,15 +13081,16 @@ export interface operations {
                 /** @description The type of the numbers of a raw body. */
                 dtype?: "f32" | "f64";
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /** @description Takes the place of `Accept`. */
                 format?: "ply" | "obj" | "glb";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
             };
@@ -12920,15 +13223,16 @@ export interface operations {
                 /** @description How the numbers of a raw answer are written; JSON has them in single precision. */
                 encoding?: "f32" | "f16" | "octahedral";
                 /**
-                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second, naming such a vertex means the
-                 *     nearest.
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
                  */
                 extend?: "none" | "nearest";
                 /** @description How the numbers of a face are written. */
                 form?: "world" | "frames" | "roots" | "axes";
                 /**
-                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the mesh that was kept of it
-                 *     (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at dropped ones are ignored, and answered as null.
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
                  */
                 numbering?: "file" | "kept";
             };
