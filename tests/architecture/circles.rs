@@ -12,7 +12,6 @@ const CIRCLES: &[&str] = &[
     // A factor is made by its plan, which is made of the supernodes that the factor is stored by: one thing in three
     // files.
     "algebra: : factor factor_symbolic multifrontal",
-    "algebra: multifrontal: dense few",
     // Whoever shares a panel among threads hands the smoother its buffers.
     "algebra: multigrid: sharing smoother",
     // What a command writes, and the formats that it is written in.
@@ -33,23 +32,18 @@ const CIRCLES: &[&str] = &[
     "chladni: store: bases collection fields job_bases jobs leases meshes parts sources",
     // Blobs may lie in a bucket, which is reached by pieces as blobs are.
     "chladni: store: blobs objects",
-    "mesh: read: builder polygon",
     // A node of a document, and the document.
     "mesh: read: gltf gltf_nodes",
     // A basis is made from a mesh, and gives it back.
     "python: : basis mesh",
-    "spectral: analysis: complement mode_gradient",
     // The operator of all fields keeps those without energy, which are found with it.
     "spectral: field: kernel refine refine_pulls refine_response weighted",
     // A pencil keeps the factor of its sums, which is one of the pencil's structure.
     "spectral: field: pencil pencil_inverse",
     // Two passes that call each other until nothing changes.
     "spectral: field::quad: relax untangle",
-    "spectral: field::quad: simple smoothest",
     // The choice of an operator is its assembly, which on points and graphs is another one.
     "spectral: operator: assembly choice graph points",
-    // One error tells of all of them.
-    "spectral: spectrum: approximate certificate energy hidden hsim lehmann shifted",
     // An attempt is made whole or in parts, by the same steps.
     "spectral: spectrum::approximate: attempt by_rows parts reduce",
     // Rows are put together from the lanes that panels diffuse, in the same pass.
@@ -58,7 +52,6 @@ const CIRCLES: &[&str] = &[
     "spectral: spectrum::heat: coarsen level",
     // A scout looks for shifts with the space that is then built from them.
     "spectral: spectrum::hsim: cuts lanczos scout wanted",
-    "spectral: spectrum::hsim: dense_pairs graded",
     // An iteration plans the shifts that it is carried on by.
     "spectral: spectrum::hsim: iterate kernel segments shifts",
     // What an outlier hides is solved for again.
@@ -66,8 +59,7 @@ const CIRCLES: &[&str] = &[
     // Either way of modes takes steps of the other.
     "spectral: spectrum::vibration: exact refined",
     // Fields of a request may be stored ones, and those are read as a request gives them.
-    "work: design: faces request stored target",
-    "work: eigenbasis: part_memory parts",
+    "work: design: request stored target",
 ];
 
 /// What two modules need of each other stands in a third. What a module has from the one that holds it,

@@ -11,7 +11,7 @@ use faer::linalg::triangular_solve::solve_unit_lower_triangular_in_place;
 use faer::prelude::{Reborrow, ReborrowMut};
 use faer::{Accum, MatMut, MatRef, Par};
 
-use super::few::Few;
+use super::few::{Few, NoPivot};
 use super::plan::stride;
 
 /// Columns that are eliminated together in a large front.
@@ -34,10 +34,6 @@ pub struct Scratch {
     /// What the factor of a diagonal block needs.
     diagonal: Option<MemBuffer>,
 }
-
-/// A pivot is zero or not finite.
-#[derive(Debug)]
-pub struct NoPivot;
 
 /// The columns of a front, `rows × columns` one after the other: the lower trapezoid.
 pub struct Columns<'a> {

@@ -3,8 +3,11 @@
 
 use pulp::Simd;
 
-use super::dense::NoPivot;
 use super::plan::stride;
+
+/// A pivot is zero or not finite.
+#[derive(Debug)]
+pub struct NoPivot;
 
 /// Columns of the update that are computed together, and vectors of rows.
 const WIDE: usize = 4;

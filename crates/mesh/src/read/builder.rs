@@ -1,15 +1,8 @@
 //! Collects vertices and polygons under the limits; every reader ends here.
 
 use super::error::{Place, ReadError};
-use super::{MeshFormat, Polygons, RawMesh, ReadLimits, polygon};
-
-/// A polygon that was entered as a fan: its first triangle and its number of corners. Its corners can be told from the
-/// fan, so nothing else is kept until all positions are known.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Fan {
-    pub first_face: u32,
-    pub corners: u32,
-}
+use super::polygon::{self, Fan};
+use super::{MeshFormat, Polygons, RawMesh, ReadLimits};
 
 pub(super) struct Builder<'l> {
     pub mesh: RawMesh,

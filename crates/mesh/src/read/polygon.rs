@@ -1,7 +1,13 @@
 //! Triangulating polygons: quadrilaterals by the diagonal that inverts nothing, larger ones by a fan where they are
 //! convex and by clipping ears where they are not.
 
-use super::builder::Fan;
+/// A polygon that was entered as a fan: its first triangle and its number of corners. Its corners can be told from the
+/// fan, so nothing else is kept until all positions are known.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Fan {
+    pub first_face: u32,
+    pub corners: u32,
+}
 
 /// Polygons of more corners keep their fan: clipping ears takes quadratic time.
 const MOST_CORNERS: usize = 2048;

@@ -8,7 +8,9 @@ use chladni_base::Monitor;
 use chladni_base::parallel::*;
 
 use super::error::AnalysisError;
-use super::mode_gradient::COINCIDE;
+
+/// Eigenvalues that differ by less than this share of them are taken for one.
+pub(super) const COINCIDE: f64 = 1e-6;
 
 /// By how much the residual has to fall, in the norm of the preconditioner.
 const FALL: f64 = 1e-11;

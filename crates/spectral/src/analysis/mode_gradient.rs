@@ -19,15 +19,12 @@ use chladni_algebra::{
 };
 use chladni_base::Monitor;
 
-use super::complement::Complement;
+use super::complement::{COINCIDE, Complement};
 use super::error::AnalysisError;
 use super::value_gradient::{add_values, check};
 use crate::basis::{Basis, Functions};
 use crate::operator::derivative::{Elements, FormSums};
 use crate::operator::{EigenProblem, MassKind};
-
-/// Eigenvalues that differ by less than this share of them are taken for one.
-pub(super) const COINCIDE: f64 = 1e-6;
 
 /// Eigenvalues that differ by less than this share of them do not tell by what a loss changes that mixes their
 /// functions.

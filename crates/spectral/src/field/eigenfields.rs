@@ -13,7 +13,8 @@ use chladni_base::parallel::*;
 
 use super::design::{DesignError, length};
 use super::kernel::Kernel;
-use super::refine::{FullSpace, Inner, RefineError};
+use super::refine::{FullSpace, Inner};
+use super::refine_error::RefineError;
 use super::refine_response::{Factor, Whole, add, dot};
 use crate::basis::{FieldAccuracyReport, FieldCertificate};
 

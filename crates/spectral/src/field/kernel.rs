@@ -11,7 +11,8 @@ use chladni_base::{Monitor, SplitMix64, Unwatched};
 
 use super::design::DesignError;
 use super::direct::{Direct, ShiftedFactor};
-use super::refine::{FullSpace, Inner, RefineError};
+use super::refine::{FullSpace, Inner};
+use super::refine_error::RefineError;
 use super::refine_response::{IDLE, Sum, Whole, add, dot, product};
 use super::weighted::WeightedModel;
 use crate::basis::FieldBasis;

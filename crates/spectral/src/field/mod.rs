@@ -40,6 +40,7 @@ mod reading;
 #[cfg(test)]
 mod real_meshes;
 mod refine;
+mod refine_error;
 mod refine_pulls;
 mod refine_response;
 #[cfg(test)]
@@ -77,7 +78,8 @@ pub use principal::{DirectionField, Strand, curvature_tensors, fur, principal_di
 pub use reading::{
     TensorAxes, direction_in_frame, representation, roots, tensor_axes, tensor_deviator, tensor_in_frame, to_world,
 };
-pub use refine::{FullSpace, RefineError, Refined};
+pub use refine::{FullSpace, Refined};
+pub use refine_error::RefineError;
 pub use singularity::{Matching, Singularity, matched_singularities, singularities};
 pub use streamline::{HatchingParameters, Streamline, StreamlineError, streamlines};
 pub use surface::{FieldSurface, SurfaceError};

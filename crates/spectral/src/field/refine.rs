@@ -8,19 +8,19 @@
 use std::sync::OnceLock;
 
 use chladni_algebra::BlockMatrix;
-use chladni_base::{Cancelled, Monitor, stopped};
+use chladni_base::Monitor;
 
 use super::cycle::Cycles;
 use super::design::{Constraint, Design, DesignError, length};
 use super::direct::{Direct, USUAL_ROOM};
 use super::hierarchy::hierarchy;
 use super::kernel::Kernel;
+use super::refine_error::{LEAST_TOLERANCE, RefineError};
 use super::refine_pulls::Pulls;
 use super::refine_response::{Response, Whole, add, dot};
 use super::surface::FieldSurface;
 use super::weighted::WeightedModel;
 use crate::basis::FieldBasis;
-use crate::operator::OperatorError;
 use crate::operator::hodge::FieldBoundary;
 use crate::operator::tangential::FieldOperator;
 use crate::operator::transport::FieldKind;
@@ -28,58 +28,11 @@ use crate::operator::transport::FieldKind;
 /// Nodes of the coarsest level.
 const COARSEST: usize = 60;
 
-/// Tolerances of [`FullSpace::refine`]: those below are lost to rounding.
-const LEAST_TOLERANCE: f64 = 1e-10;
-
 /// As many fields without energy as most surfaces have at most: room is counted for them before they are known.
 const EXPECTED_IDLE: usize = 8;
 
 /// The tolerance with which [`FullSpace::distance`] judges: a share of the distances that small spaces have.
 const JUDGE: f64 = 2e-3;
-
-/// Why a design was not refined.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum RefineError {
-    /// The surface has no such operator.
-    #[error(transparent)]
-    Operator(OperatorError),
-    /// The design itself does not fit.
-    #[error(transparent)]
-    Design(DesignError),
-    /// The tolerance is out of range.
-    #[error("the tolerance is {tolerance}; it must be from {LEAST_TOLERANCE:e} to below 1")]
-    Tolerance {
-        /// What was given.
-        tolerance: f64,
-    },
-    /// Designs that stay close to prescribed singularities are not the minimisers of one energy.
-    #[error("a design with prescribed singularities has no field of the whole surface that it stands for")]
-    Prescribed,
-    /// The iteration ended before its goal.
-    #[error("the field of the whole surface was not found to a tolerance of {tolerance:e}")]
-    NotConverged {
-        /// The goal.
-        tolerance: f64,
-    },
-    /// One energy outweighs another by more than single precision has room for.
-    #[error(
-        "the weights of the energies and of the alignment are too far apart to refine a design: their ratio is beyond {most:e}"
-    )]
-    Weights {
-        /// The largest ratio.
-        most: f64,
-    },
-    /// The reduced space does not have all fields without energy.
-    #[error(
-        "the space of this basis lacks fields without energy that the surface has: designs in it cannot be compared with the whole surface"
-    )]
-    Incomplete,
-    /// The work was cancelled.
-    #[error(transparent)]
-    Cancelled(#[from] Cancelled),
-}
-
-stopped!(RefineError: OperatorError => Self::Operator, DesignError => Self::Design);
 
 /// All fields of a surface, with what solves for designs among them. Independent of the weights.
 pub struct FullSpace {

@@ -10,7 +10,7 @@ use chladni_base::{Monitor, Unwatched};
 use super::compliance::Compliance;
 use super::design::DesignError;
 use super::kernel::Own;
-use super::refine::RefineError;
+use super::refine_error::RefineError;
 use super::refine_response::{Response, Whole, add};
 
 /// Steps on the pulls at most.

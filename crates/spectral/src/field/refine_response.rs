@@ -15,7 +15,7 @@ use super::cycle::{Cycles, Shifted};
 use super::design::DesignError;
 use super::direct::{Direct, ShiftedFactor};
 use super::kernel::{Kernel, orthonormalise};
-use super::refine::RefineError;
+use super::refine_error::RefineError;
 
 /// Cycles are for `S + γM` with `γ` at least this, far below the lowest positive eigenvalue of most surfaces of unit
 /// area: `S` alone may be singular.

@@ -4,7 +4,6 @@
 mod above;
 mod attempt;
 mod by_rows;
-mod error;
 pub mod parts;
 mod reduce;
 mod space;
@@ -19,17 +18,18 @@ use super::heat::HeatParameters;
 use super::hsim;
 use super::lehmann::{self, Enclosed};
 use super::radial::RadialParameters;
+use super::restricted::Ritz;
 use crate::basis::{AccuracyReport, Basis, Compact, Functions, InertiaCount};
 use crate::operator::{EigenProblem, MeshOperator};
 use chladni_algebra::{EigenError, gpu};
 use chladni_base::Monitor;
 
+pub use super::error::ApproximationError;
 use above::{move_back, without_offset};
 use attempt::{Attempt, Remedies};
 pub use attempt::{MOST_COUNTED_IN_SOLID, most_columns};
-pub use error::ApproximationError;
 use reduce::reduce;
-pub(super) use reduce::{Ritz, ritz, rounding};
+pub(super) use reduce::{ritz, rounding};
 pub use space::{most_initial_columns, subspace};
 
 /// How the subspace is built.

@@ -8,42 +8,11 @@
 use chladni_base::parallel::*;
 
 use super::energy::{Density, Energy, Measure};
+pub use super::error::CertificateError;
 use crate::basis::Certificate;
 use crate::operator::EigenProblem;
-use chladni_algebra::{DenseMatrix, MultigridError, SparseMatrix};
-use chladni_base::{Cancelled, Monitor, stopped};
-
-/// Why pairs were not certified.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum CertificateError {
-    /// Sizes do not fit each other.
-    #[error(
-        "{values} Ritz values, coefficients of {rows}×{columns}, a space of {vertices}×{dimension} and a problem of size {size} do \
-         not fit"
-    )]
-    Shape {
-        /// Ritz values.
-        values: usize,
-        /// Rows of the coefficients.
-        rows: usize,
-        /// Columns of the coefficients.
-        columns: usize,
-        /// Rows of the space.
-        vertices: usize,
-        /// Columns of the space.
-        dimension: usize,
-        /// Size of the problem.
-        size: usize,
-    },
-    /// The hierarchy that residuals are measured with could not be made.
-    #[error("the residuals could not be measured: {0}")]
-    Hierarchy(String),
-    /// The work was cancelled.
-    #[error(transparent)]
-    Cancelled(#[from] Cancelled),
-}
-
-stopped!(CertificateError: MultigridError => |error: MultigridError| Self::Hierarchy(error.to_string()));
+use chladni_algebra::{DenseMatrix, SparseMatrix};
+use chladni_base::Monitor;
 
 /// Up to this Ritz value (unit area) a pair counts as one of the kernel, whose relative residual (4.6) would compare
 /// rounding errors.

@@ -13,9 +13,10 @@ use chladni_base::{Monitor, Quiet};
 use chladni_mesh::TriangleMesh;
 use serde_json::json;
 
-use super::approximate::{Ritz, ritz};
+use super::approximate::ritz;
 use super::hsim::{self, HsimError, HsimParameters, Wanted};
 use super::refine::inverse_iterations;
+use super::restricted::Ritz;
 use super::{ApproximationError, ApproximationParameters, Space};
 use crate::basis::family::FamilyBasis;
 use crate::operator::{EigenProblem, FamilyOperators};

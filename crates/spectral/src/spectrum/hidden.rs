@@ -5,7 +5,7 @@
 //! says so. Where such functions live is seen from random functions, damped above the shift: what the space does not
 //! hold of them is little but where it lacks an eigenfunction.
 
-use super::approximate::ApproximationError;
+use super::error::ApproximationError;
 use super::shifted::ShiftedPencil;
 use crate::operator::EigenProblem;
 use chladni_algebra::{

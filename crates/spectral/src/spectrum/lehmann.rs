@@ -18,9 +18,10 @@
 use chladni_base::parallel::*;
 use std::ops::Range;
 
-use super::approximate::{ApproximationError, Ritz};
 use super::certificate::KERNEL;
 use super::energy::{Corrections, Energy, MOST_FACTORED};
+use super::error::ApproximationError;
+use super::restricted::Ritz;
 use super::shifted::ShiftedPencil;
 use crate::operator::EigenProblem;
 use chladni_algebra::{DenseMatrix, MassMatrix, SparseMatrix, WeightedMass, galerkin, lowest_symmetric};

@@ -5,6 +5,7 @@ pub mod certificate;
 mod domain;
 pub mod energy;
 pub mod envelope;
+mod error;
 pub mod family;
 mod hats;
 pub mod heat;
@@ -18,6 +19,7 @@ mod peaks;
 pub mod pencil;
 pub mod radial;
 mod refine;
+mod restricted;
 mod shifted;
 pub mod vibration;
 

@@ -12,10 +12,11 @@ use chladni_base::parallel::*;
 use chladni_base::{Cancelled, Monitor, Quiet};
 use serde::{Deserialize, Serialize};
 
-use super::approximate::{ApproximationError, ApproximationParameters, Ritz, rounding, search};
+use super::approximate::{ApproximationError, ApproximationParameters, rounding, search};
 use super::certificate::KERNEL;
 use super::domain::Domain;
 use super::hsim::Eigenpairs;
+use super::restricted::Ritz;
 use crate::basis::AccuracyReport;
 use crate::operator::{EigenProblem, MeshOperator};
 

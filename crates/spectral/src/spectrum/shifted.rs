@@ -1,6 +1,6 @@
 //! A pencil in a fill-reducing order, ready to be factored at any shift.
 
-use super::approximate::ApproximationError;
+use super::error::ApproximationError;
 use crate::operator::EigenProblem;
 use chladni_algebra::{Factor, FactorError, MassMatrix, Ordering, SparseMatrix, SymbolicFactor, fill_reducing_order};
 use chladni_base::Monitor;

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::DesignFault;
-use super::request::{refused, refused_at};
+use super::fault::{refused, refused_at};
 
 /// Faces that an answer is about.
 #[derive(Debug, Clone, PartialEq, Serialize)]

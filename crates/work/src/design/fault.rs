@@ -80,3 +80,13 @@ impl From<SurfaceError> for DesignFault {
         FieldError::from(error).into()
     }
 }
+
+/// A refusal that names a member of the request.
+pub fn refused(within: &'static str, place: &str, reason: impl std::fmt::Display) -> DesignFault {
+    DesignFault::Request { within, place: place.to_owned(), reason: reason.to_string(), face: None }
+}
+
+/// The same, about a face.
+pub(super) fn refused_at(face: u32, within: &'static str, place: &str, reason: impl std::fmt::Display) -> DesignFault {
+    DesignFault::Request { within, place: place.to_owned(), reason: reason.to_string(), face: Some(face) }
+}

@@ -6,6 +6,8 @@ use chladni_spectral::operator::transport::FieldKind;
 use serde::{Deserialize, Serialize};
 
 use super::faces::FacesRequest;
+pub use super::fault::refused;
+pub(super) use super::fault::refused_at;
 use super::stored::{FieldTable, StoredField};
 use super::{DesignFault, Surface};
 use crate::word_or;
@@ -314,16 +316,6 @@ impl Stroke {
             None => Ok(()),
         }
     }
-}
-
-/// A refusal that names a member of the request.
-pub fn refused(within: &'static str, place: &str, reason: impl std::fmt::Display) -> DesignFault {
-    DesignFault::Request { within, place: place.to_owned(), reason: reason.to_string(), face: None }
-}
-
-/// The same, about a face.
-pub(super) fn refused_at(face: u32, within: &'static str, place: &str, reason: impl std::fmt::Display) -> DesignFault {
-    DesignFault::Request { within, place: place.to_owned(), reason: reason.to_string(), face: Some(face) }
 }
 
 fn weight_fits(weight: f64, place: &str) -> Result<(), DesignFault> {

@@ -6,7 +6,7 @@ use chladni_spectral::operator::frames::power;
 use chladni_spectral::operator::transport::FieldKind;
 use serde::{Deserialize, Serialize};
 
-use super::request::refused;
+use super::fault::refused;
 use super::target::given;
 use super::{DesignFault, Setting};
 use crate::table::{Table, some_numbers};

@@ -9,9 +9,11 @@ use chladni_spectral::spectrum::approximate_parts::{self, ROWS_AT_ONCE, ROWS_OF_
 use chladni_spectral::spectrum::hsim::{HsimParameters, Wanted};
 
 use super::approximation::panels_at_once;
-use super::parts::BESIDE;
 use super::{Approximate, EigenbasisParameters, Exact, MOST_PARTS, Method};
 use crate::{JobError, JobParameters, MeshSize};
+
+/// Pairs that slices have beyond their share, those of their neighbours and guards.
+pub(super) const BESIDE: usize = 64;
 
 /// The program itself, and what it keeps of what was let go of.
 const PROGRAM: u64 = 110 << 20;

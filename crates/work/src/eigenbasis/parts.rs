@@ -16,12 +16,9 @@ use chladni_spectral::spectrum::hsim::{HsimParameters, Variant, Wanted};
 use serde_json::{Value, json};
 
 use super::approximation::dense_where_smaller;
-use super::part_memory::Division;
+use super::part_memory::{BESIDE, Division};
 use super::{Approximate, EigenbasisParameters, Exact, Method, Parts, StorageKind, value};
 use crate::{JobError, JobParameters, MeshSize, Outcome, ParameterError, SOLVER_VERSION, hash_of};
-
-/// Pairs that slices have beyond their share, those of their neighbours and guards.
-pub(super) const BESIDE: usize = 64;
 
 /// A part that was made.
 #[derive(Debug)]

@@ -16,9 +16,8 @@ use super::super::harmonic::rim;
 use super::super::loops::{Sets, ends};
 use super::super::singularity::{Matching, Singularity, least_angles};
 use super::super::surface::FieldSurface;
-use super::QuadError;
+use super::{KIND, QuadError};
 use crate::operator::frames::{Planar, Turn, multiply, power};
-use crate::operator::transport::FieldKind;
 
 /// A cross field on the surface cut open.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,8 +39,6 @@ pub struct Combed {
 
 /// What one task handles.
 const PIECE: usize = 1 << 12;
-
-const KIND: FieldKind = FieldKind::NVector { n: 4 };
 
 /// Combs a cross field of representations, `2F` numbers of any length. `matching` has full turns of the representation
 /// beyond the least angle.

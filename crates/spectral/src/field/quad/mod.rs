@@ -45,6 +45,10 @@ use chladni_base::{Cancelled, stopped};
 use chladni_mesh::dual::OneSided;
 
 use super::poisson::PoissonError;
+use crate::operator::transport::FieldKind;
+
+/// Crosses: four directions in each face.
+const KIND: FieldKind = FieldKind::NVector { n: 4 };
 
 /// The most coordinates that are rounded: each takes a solve, and a row of a dense matrix.
 pub const MOST_ROUNDED: usize = 4096;

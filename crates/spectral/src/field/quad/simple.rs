@@ -12,8 +12,7 @@ use chladni_base::parallel::*;
 
 use super::super::singularity::least_angles;
 use super::super::surface::FieldSurface;
-use super::QuadError;
-use super::smoothest::KIND;
+use super::{KIND, QuadError};
 use crate::operator::frames::{Planar, Turn, normalise, power};
 use crate::operator::transport::turn;
 

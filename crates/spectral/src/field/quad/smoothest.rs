@@ -13,14 +13,14 @@ use super::super::cycle::Cycles;
 use super::super::hierarchy::{Level, hierarchy};
 use super::super::poisson::Factor;
 use super::super::principal::{DirectionField, curvature_tensors, principal_directions};
-use super::super::refine::RefineError;
+use super::super::refine_error::RefineError;
 use super::super::refine_response::conjugate_gradients;
 use super::super::surface::FieldSurface;
-use super::QuadError;
 use super::simple::split_zeros;
+use super::{KIND, QuadError};
 use crate::operator::frames::{Planar, normalise};
 use crate::operator::tangential::FieldOperator;
-use crate::operator::transport::{FieldKind, transport_stiffness};
+use crate::operator::transport::transport_stiffness;
 
 /// A curvature of which less than this is left on the surface of unit area is rounding errors.
 const FLAT: f64 = 1e-6;
@@ -50,8 +50,6 @@ const SETTLED: f64 = 3e-4;
 
 /// A quotient below this is that of a field without energy.
 const IDLE: f64 = 1e-7;
-
-pub(super) const KIND: FieldKind = FieldKind::NVector { n: 4 };
 
 /// For each face a weight, and for each number of a field its target times that.
 type Pull = (Vec<f64>, Vec<f64>);

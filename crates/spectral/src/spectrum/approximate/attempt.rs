@@ -4,9 +4,10 @@ use super::super::certificate::{CertificateError, KERNEL, certificate_of, certif
 use super::super::domain::Domain;
 use super::super::energy::{Energy, PairShare, measures};
 use super::super::lehmann::{self, Enclosed};
+use super::super::restricted::Ritz;
 use super::super::{hats, hidden};
 use super::parts::divided;
-use super::reduce::{MOST_ROUNDING, Ritz};
+use super::reduce::MOST_ROUNDING;
 use super::space::{FEW_ENTRIES, initial_space};
 use super::{ApproximationError, ApproximationParameters, FEW_VERTICES};
 use crate::basis::Certificate;

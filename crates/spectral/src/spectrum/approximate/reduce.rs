@@ -4,6 +4,7 @@ use chladni_base::parallel::*;
 
 use super::super::domain::Domain;
 use super::super::hats;
+use super::super::restricted::Ritz;
 use super::by_rows::Restricted;
 use super::space::initial_space;
 use super::{ApproximationError, ApproximationParameters};
@@ -12,18 +13,6 @@ use chladni_algebra::{
     EigenError, EigenPairs, SparseMatrix, SymmetricDefiniteSolver, galerkin, gpu, independent_columns,
 };
 use chladni_base::Monitor;
-
-/// Ritz pairs in the space, on unit area.
-pub(in crate::spectrum) struct Ritz {
-    /// `U` on the unknowns.
-    pub space: SparseMatrix<f32>,
-    /// `UᵀMU`.
-    pub mass: SparseMatrix,
-    /// `UᵀSU`.
-    pub stiffness: SparseMatrix,
-    /// Values and coefficients.
-    pub pairs: EigenPairs,
-}
 
 /// The largest share of the last value that rounding makes of a zero, where the parts of a mesh have about one size.
 const ROUNDING: f64 = 1e-6;

@@ -6,7 +6,7 @@
 
 use chladni_base::parallel::*;
 
-use super::super::approximate::ApproximationError;
+use super::super::error::ApproximationError;
 use super::super::shifted::ShiftedPencil;
 use super::rows::{Enclosed, Enclosure, Trees};
 use super::{CLOSE, Energy, HALVES, KernelAndGoal, Measure, SHIFT, Workspace};

@@ -5,7 +5,7 @@ use chladni_algebra::{DenseMatrix, MassMatrix, PANEL_WIDTH, PanelMatrix, SparseM
 use chladni_base::Monitor;
 
 use super::HsimError;
-use super::graded::{by_inverse, sharpen};
+use super::graded::{add_constants, by_inverse, sharpen};
 use super::level::{Level, NO_KERNEL};
 use super::ritz::ritz;
 use super::tuning::TUNING;
@@ -152,18 +152,6 @@ fn whole(level: &Level, q: usize, monitor: &dyn Monitor) -> Result<(Vec<f64>, Pa
     let mut vectors = PanelMatrix::from_dense(&vectors);
     sharpen(level, &mut vectors, &mut values, monitor)?;
     Ok((values, vectors))
-}
-
-/// Adds `factor · M 1 1ᵀ M / 1ᵀM1` for the constants `1` of every component.
-pub(super) fn add_constants(matrix: &mut DenseMatrix, lumped: &[f64], components: &[Vec<usize>], factor: f64) {
-    for rows in components {
-        let total: f64 = rows.iter().map(|&row| lumped[row]).sum();
-        for &column in rows {
-            let factor = factor * lumped[column] / total;
-            let entries = matrix.column_mut(column);
-            rows.iter().for_each(|&row| entries[row] += factor * lumped[row]);
-        }
-    }
 }
 
 /// The pencil of a level as dense matrices.

@@ -5,7 +5,6 @@ use chladni_algebra::{DenseMatrix, PanelMatrix, SymmetricDefiniteSolver, gpu, re
 use chladni_base::{Monitor, Quiet};
 
 use super::HsimError;
-use super::dense_pairs::add_constants;
 use super::level::Level;
 use super::ritz::ritz;
 
@@ -14,6 +13,18 @@ const SHARE: f64 = 1e-6;
 
 /// Pencils whose largest eigenvalue exceeds the wanted ones by this are solved by their inverse.
 const WIDE: f64 = 1e5;
+
+/// Adds `factor · M 1 1ᵀ M / 1ᵀM1` for the constants `1` of every component.
+pub(super) fn add_constants(matrix: &mut DenseMatrix, lumped: &[f64], components: &[Vec<usize>], factor: f64) {
+    for rows in components {
+        let total: f64 = rows.iter().map(|&row| lumped[row]).sum();
+        for &column in rows {
+            let factor = factor * lumped[column] / total;
+            let entries = matrix.column_mut(column);
+            rows.iter().for_each(|&row| entries[row] += factor * lumped[row]);
+        }
+    }
+}
 
 /// How many of ascending values are so far below the last that they lose digits to it.
 fn cut(values: &[f64]) -> Option<usize> {

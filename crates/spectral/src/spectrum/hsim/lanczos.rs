@@ -21,7 +21,7 @@ use super::kernel::Kernel;
 use super::level::Level;
 use super::scout::Scout;
 use super::tuning::TUNING;
-pub(super) use super::wanted::{Leave, Wanted};
+pub(super) use super::wanted::{Leave, Wanted, most};
 
 /// What was found.
 #[derive(Debug)]
@@ -92,12 +92,6 @@ fn blocks_between_looks(size: usize, columns: usize) -> usize {
     let (size, columns) = (size as f64, columns as f64);
     let blocks = 2.0 * LOOK * columns.powi(3) / (GROWTH.0 * size * (columns + GROWTH.1));
     (blocks.ceil() as usize).clamp(1, TUNING.krylov.most_between_looks)
-}
-
-/// The most columns of a space for so many pairs of a level of a size: no more memory than an iteration takes.
-pub(super) fn most(size: usize, pairs: usize) -> usize {
-    let (for_two, beside) = TUNING.krylov.most;
-    (for_two * pairs / 2 + beside).min(size / TUNING.krylov.largest_share)
 }
 
 /// The same where memory is scarce. More columns are rarely needed.

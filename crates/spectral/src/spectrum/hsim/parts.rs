@@ -15,7 +15,7 @@ use chladni_base::notes::FALLBACKS;
 use chladni_base::{Monitor, SplitMix64};
 use chladni_mesh::TriangleMesh;
 
-use super::super::approximate::ApproximationError;
+use super::super::error::ApproximationError;
 use super::certify::Goal;
 use super::climb::{self, Climb};
 use super::judge::Count;

@@ -1,8 +1,13 @@
 //! What a Krylov space is to hold.
 
-use super::lanczos::most;
 use super::scout::NEGLIGIBLE;
 use super::tuning::TUNING;
+
+/// The most columns of a space for so many pairs of a level of a size: no more memory than an iteration takes.
+pub(super) fn most(size: usize, pairs: usize) -> usize {
+    let (for_two, beside) = TUNING.krylov.most;
+    (for_two * pairs / 2 + beside).min(size / TUNING.krylov.largest_share)
+}
 
 /// What is wanted, beside the kernel.
 #[derive(Debug, Clone, Copy)]

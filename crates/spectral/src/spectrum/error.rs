@@ -1,10 +1,42 @@
-//! Why an approximation failed.
+//! Why an approximation, or what is proven about it, failed.
 
-use super::super::certificate::CertificateError;
-use super::super::heat::HeatError;
-use super::super::radial::RadialError;
-use chladni_algebra::{EigenError, GalerkinError};
+use chladni_algebra::{EigenError, GalerkinError, MultigridError};
 use chladni_base::{Cancelled, stopped};
+
+use super::heat::HeatError;
+use super::radial::RadialError;
+
+/// Why pairs were not certified.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum CertificateError {
+    /// Sizes do not fit each other.
+    #[error(
+        "{values} Ritz values, coefficients of {rows}×{columns}, a space of {vertices}×{dimension} and a problem of size {size} do \
+         not fit"
+    )]
+    Shape {
+        /// Ritz values.
+        values: usize,
+        /// Rows of the coefficients.
+        rows: usize,
+        /// Columns of the coefficients.
+        columns: usize,
+        /// Rows of the space.
+        vertices: usize,
+        /// Columns of the space.
+        dimension: usize,
+        /// Size of the problem.
+        size: usize,
+    },
+    /// The hierarchy that residuals are measured with could not be made.
+    #[error("the residuals could not be measured: {0}")]
+    Hierarchy(String),
+    /// The work was cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+stopped!(CertificateError: MultigridError => |error: MultigridError| Self::Hierarchy(error.to_string()));
 
 /// Why an approximation failed.
 #[derive(Debug, thiserror::Error)]
