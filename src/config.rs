@@ -3,9 +3,13 @@
 //! A flag wins over its environment variable, which wins over the default. Sizes are bytes (`268435456` or `256MiB`),
 //! times are seconds (`30` or `0.5`); both carry their unit in the name.
 
+mod secrets;
+
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::time::Duration;
+
+pub use secrets::{Keys, Secret};
 
 /// One kibibyte, in bytes.
 const KIB: u64 = 1 << 10;
@@ -293,54 +297,6 @@ pub enum LogFormat {
     Json,
 }
 
-/// API keys as they were configured, `NAME:SCOPES:SECRET` each. They never show in debug output or in a help text.
-#[derive(Clone, PartialEq, Eq, Default)]
-pub struct Keys(Vec<String>);
-
-impl Keys {
-    /// The entries, in the order in which they were given.
-    pub fn entries(&self) -> &[String] {
-        &self.0
-    }
-}
-
-impl std::str::FromStr for Keys {
-    type Err = std::convert::Infallible;
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        Ok(Self(text.split(',').map(str::trim).filter(|entry| !entry.is_empty()).map(String::from).collect()))
-    }
-}
-
-impl std::fmt::Debug for Keys {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "Keys({} hidden)", self.0.len())
-    }
-}
-
-/// A setting that may hold a password. It never shows in debug output or in a help text.
-#[derive(Clone, PartialEq, Eq)]
-pub struct Secret(String);
-
-impl Secret {
-    /// What it says.
-    pub fn reveal(&self) -> &str {
-        &self.0
-    }
-}
-
-impl std::str::FromStr for Secret {
-    type Err = std::convert::Infallible;
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        Ok(Self(text.to_owned()))
-    }
-}
-
-impl std::fmt::Debug for Secret {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Secret(hidden)")
-    }
-}
-
 /// A setting that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
@@ -365,7 +321,7 @@ impl Config {
             let text =
                 std::fs::read_to_string(path).map_err(|source| ConfigError::KeyFile { path: path.clone(), source })?;
             let lines = text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
-            all.0.extend(lines.map(String::from));
+            all.extend(lines.map(String::from));
         }
         Ok(all)
     }

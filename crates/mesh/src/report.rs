@@ -187,9 +187,9 @@ pub enum DefectKind {
     /// Of points without faces: the nearest neighbours of this one fill space, and lie on no surface, or on one that is
     /// folded within their distance.
     OffSurface,
-    /// Of points without faces: this one has a triangle around it that another of its corners does not have. Told where
-    /// more than a percent of all triangles are such, as on limbs as thin as points are apart: eigenvalues may then be
-    /// off by percents.
+    /// Of points without faces: this one has a triangle around it that another of the triangle's corners does not have.
+    /// Reported where more than 1 % of all triangles are disputed, as on limbs that are as thin as the spacing of the
+    /// points: eigenvalues may then be off by several per cent.
     DisputedTriangle,
 }
 
@@ -234,7 +234,7 @@ impl fmt::Display for DefectKind {
             Self::BoundaryNotGiven => "boundary triangles of tetrahedra that the file does not give",
             Self::OffSurface => "points whose neighbours lie on no surface",
             Self::DisputedTriangle => {
-                "points with triangles that their neighbours do not have: results may be off by percents"
+                "points whose triangles their neighbours dispute: eigenvalues may be off by several per cent"
             }
         })
     }

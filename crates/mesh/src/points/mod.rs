@@ -82,12 +82,13 @@ pub fn local_triangles(positions: &[[f64; 3]], monitor: &dyn Monitor) -> Result<
     Ok((TriangleMesh { positions: positions.to_vec(), faces, ..Default::default() }, scattered))
 }
 
-/// Where more than this share of triangles is disputed, eigenvalues are off by percents: of points on smooth surfaces,
-/// even at random, less than half of it is, of limbs as thin as points are apart several times as much.
+/// Where more than this share of triangles is disputed, eigenvalues may be off by several per cent. Points at random on
+/// smooth surfaces dispute up to .7 % of theirs, those on limbs as thin as their spacing several times as much
+/// (`docs/decisions/0135`).
 pub const MOST_DISPUTED: f64 = 0.01;
 
-/// The points, ascending, around which there is a triangle that one of its other corners does not have, and the share
-/// that such triangles have in all of the [`local_triangles`]. Where all agree, a triangle belongs to its three corners.
+/// The points, ascending, around which there is a triangle that one of its other corners does not have, and the share of
+/// such triangles in all [`local_triangles`]. Where all points agree, each triangle is found by its three corners.
 pub fn disputed(local: &TriangleMesh) -> (Vec<u32>, f64) {
     let faces = &local.faces;
     let count = local.positions.len();

@@ -1,12 +1,13 @@
-//! The edge between four points: a question that all four of them answer alike.
+//! The diagonal of a quadrilateral, decided alike by all four of its corners.
 
-/// Cotangents that differ by less than this, as a share of one and all of them, are those of four points on a circle.
+/// Four points lie on a circle where the sums of opposite cotangents differ by less than this share of one plus all of
+/// their sizes.
 const ON_A_CIRCLE: f64 = 1e-9;
 
-/// Whether of four points in order around a quadrilateral the first and the third are joined by an edge, rather than
-/// the second and the fourth: the angles at the two others sum to less, so that neither triangle's circle would hold the
-/// fourth point if they lay in a plane. The answer does not depend on where the order begins or which way it goes. Of
-/// four points on a circle, the one with the lowest number has the edge, and so has of more than four.
+/// Whether an edge joins the first and the third of four corners in order around a quadrilateral, rather than the
+/// second and the fourth: it does where the angles at those two have the smaller sum, which in a plane is Delaunay's
+/// condition. The answer depends neither on where the order begins nor on its direction, to the last bit. Of corners on
+/// a circle, the one with the lowest number has the edge: for any number of them that is a fan.
 pub(super) fn has_first_diagonal(positions: &[[f64; 3]], quad: [u32; 4]) -> bool {
     let lowest = (0..4).min_by_key(|&k| quad[k]).unwrap_or(0);
     let mut order: [u32; 4] = std::array::from_fn(|k| quad[(lowest + k) % 4]);
@@ -24,7 +25,7 @@ pub(super) fn has_first_diagonal(positions: &[[f64; 3]], quad: [u32; 4]) -> bool
     of_lowest == (lowest % 2 == 0)
 }
 
-/// The cotangent of the angle at a point between two others; zero where one of them is the point itself.
+/// The cotangent of the angle at a point between two others; zero if one of them is the point itself.
 fn cotangent_between(at: [f64; 3], a: [f64; 3], b: [f64; 3]) -> f64 {
     let u: [f64; 3] = std::array::from_fn(|i| a[i] - at[i]);
     let v: [f64; 3] = std::array::from_fn(|i| b[i] - at[i]);

@@ -1,10 +1,9 @@
 //! The triangles around a point in the Delaunay triangulation of its neighbours, in the plane that fits them.
 //!
 //! As in the programs of Sharp and Crane: neighbours are walked around by angle, and a triangle is taken where the
-//! circle through its corners holds no other neighbour, or hardly. Four points that nearly lie on one circle, as those
-//! of a grid do, are then seen by each of them in a plane of its own, and need not agree on the diagonal between them:
-//! two of them have to have it for their own. So which one it is, is asked of the [four points in space](super::quad),
-//! where the answer is the same for all of them.
+//! circle through its corners holds no other neighbour, or hardly. Four points that nearly lie on one circle, such as the
+//! corners of a cell of a grid, each see the cell in a plane of their own, and need not find the same diagonal across
+//! it. So the diagonal is decided by the [four points in space](super::quad), which gives all of them one answer.
 
 use super::tree::{Nearest, PointTree};
 use super::{NEIGHBOURS, plane, quad};
@@ -111,9 +110,9 @@ fn walk(seen: &mut [Seen], star: &mut Vec<[usize; 2]>) {
 /// Rounds in which a star settles: one where four points nearly lie on a circle, more where many do.
 const ROUNDS: usize = 8;
 
-/// So many radii from the centre of a triangle's circle, a neighbour may still be one that the four of them have to
-/// settle with: planes differ by the curvature of the surface. With 1.25 the points along the edges of a box dispute
-/// 5 % of its triangles, with more than 2 those on limbs reach across.
+/// A neighbour within so many radii of the centre of a triangle's circle may be joined to the point after all: planes
+/// differ by the curvature of the surface. With 1.25 the points along the edges of a box dispute 5 % of its triangles,
+/// with 2 the eigenvalues of the armadillo's points are off by .33 % in the median instead of .19.
 const NEAR: f64 = 1.4;
 
 /// A circle through the point.
@@ -124,14 +123,15 @@ struct Circle {
 }
 
 impl Circle {
-    /// The distance of a place from the centre over the radius, squared.
+    /// The square of the distance from the centre, over that of the radius.
     fn ratio(&self, at: [f64; 2]) -> f64 {
         let d = [at[0] - self.centre[0], at[1] - self.centre[1]];
         (d[0] * d[0] + d[1] * d[1]) / self.square
     }
 }
 
-/// Gives a star the edges that all four points of a quadrilateral agree on, whichever plane each of them sees it in.
+/// Flips edges of a star to those that all four points of a quadrilateral agree on, whichever plane each sees it in. A
+/// star that has not settled after the last round is left to the count of [disputed](super::disputed) triangles.
 fn settle(positions: &[[f64; 3]], point: u32, seen: &[Seen], star: &mut Vec<[usize; 2]>) {
     let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
     // Whether `q` lies on the other side of the line from `a` to `b`, which the point is on the left of.
