@@ -136,6 +136,7 @@ fn seeds() -> Vec<(MeshFormat, Vec<u8>)> {
         (MeshFormat::Obj, obj.into()),
         (MeshFormat::Off, off.into()),
         (MeshFormat::Medit, medit.into()),
+        (MeshFormat::Medit, include_bytes!("../src/read/data/mixed.meshb").to_vec()),
         (MeshFormat::Stl, stl.into()),
         (MeshFormat::Json, json.into()),
         (MeshFormat::Vtk, vtk.into()),

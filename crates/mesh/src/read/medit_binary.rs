@@ -21,7 +21,7 @@ pub(super) fn is_binary(bytes: &[u8]) -> bool {
 /// Reads the same sections as the text is read for; all others, and all references, are passed over. Versions 1 to 4,
 /// either order of bytes.
 pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadError> {
-    let mut source = Source { bytes, at: 4, big_endian: bytes.starts_with(&[0, 0, 0, 1]), version: 1 };
+    let mut source = Source { bytes, at: 4, big_endian: bytes.starts_with(&[0, 0, 0, 1]), version: 1, sections: 0 };
     source.version = match source.integer(4)? {
         version @ 1..=4 => version,
         _ => return Err(wrong(4, "the version is none of 1 to 4")),
@@ -29,10 +29,9 @@ pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<RawMesh, ReadErr
     let mut builder = Builder::new(limits);
     let mut dimension = None;
     let mut seen: Vec<&'static str> = Vec::new();
-    let mut sections = 0usize;
     while source.at < bytes.len() {
-        sections += 1;
-        if sections > limits.groups {
+        source.sections += 1;
+        if source.sections > limits.groups {
             return Err(ReadError::TooManyGroups { place: source.place(), limit: limits.groups });
         }
         let start = source.at;
@@ -88,6 +87,8 @@ struct Source<'a> {
     at: usize,
     big_endian: bool,
     version: i64,
+    /// Sections that were begun.
+    sections: usize,
 }
 
 impl Source<'_> {
@@ -119,9 +120,9 @@ impl Source<'_> {
     }
 
     fn integer(&mut self, bytes: usize) -> Result<i64, ReadError> {
-        let at = self.at;
-        let word = self.word(bytes).ok_or_else(|| wrong(at, "the file ends within the head of a section"))?;
-        Ok(signed(word, bytes))
+        let number = self.sections.saturating_sub(1);
+        let ends = ReadError::Truncated { element: "section", number, declared: self.sections.max(1) };
+        Ok(signed(self.word(bytes).ok_or(ends)?, bytes))
     }
 
     fn dimension(&mut self) -> Result<usize, ReadError> {
@@ -313,11 +314,22 @@ mod tests {
             match read(&bytes[..length], &ReadLimits::default()) {
                 Ok(part) => assert!(part.faces.len() < all.faces.len(), "{length}"),
                 Err(error) => assert!(
-                    ["invalid-header", "count-exceeds-file", "index-out-of-range"].contains(&error.kind()),
+                    ["invalid-header", "truncated-file", "count-exceeds-file", "index-out-of-range"]
+                        .contains(&error.kind()),
                     "{length}: {error}"
                 ),
             }
         }
+    }
+
+    #[test]
+    fn a_file_of_another_writer_is_read() {
+        // Of meshio 5.3: version 4, little-endian, with a line between.
+        let bytes = include_bytes!("data/mixed.meshb");
+        assert_eq!(MeshFormat::sniff(bytes), Some(MeshFormat::Medit));
+        let mesh = read(bytes, &ReadLimits::default()).unwrap();
+        assert_eq!((mesh.positions.len(), mesh.faces.len(), mesh.polygons_triangulated), (6, 3, 1));
+        assert!(mesh.faces.contains(&[3, 4, 5]), "{:?}", mesh.faces);
     }
 
     #[test]
