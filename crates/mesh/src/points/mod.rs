@@ -87,8 +87,8 @@ pub fn local_triangles(positions: &[[f64; 3]], monitor: &dyn Monitor) -> Result<
 /// (`docs/decisions/0135`).
 pub const MOST_DISPUTED: f64 = 0.01;
 
-/// The points, ascending, around which there is a triangle that one of its other corners does not have, and the share of
-/// such triangles in all [`local_triangles`]. Where all points agree, each triangle is found by its three corners.
+/// The points, ascending, around which there is a triangle that one of its other corners does not have, and the share
+/// of such triangles in all [`local_triangles`]. Where all points agree, each triangle is found by its three corners.
 pub fn disputed(local: &TriangleMesh) -> (Vec<u32>, f64) {
     let faces = &local.faces;
     let count = local.positions.len();

@@ -1,9 +1,10 @@
 //! The triangles around a point in the Delaunay triangulation of its neighbours, in the plane that fits them.
 //!
 //! As in the programs of Sharp and Crane: neighbours are walked around by angle, and a triangle is taken where the
-//! circle through its corners holds no other neighbour, or hardly. Four points that nearly lie on one circle, such as the
-//! corners of a cell of a grid, each see the cell in a plane of their own, and need not find the same diagonal across
-//! it. So the diagonal is decided by the [four points in space](super::quad), which gives all of them one answer.
+//! circle through its corners holds no other neighbour, or hardly. Four points that nearly lie on one circle, such as
+//! the corners of a cell of a grid, each see the cell in a plane of their own, and need not find the same diagonal
+//! across it. So the diagonal is decided by the [four points in space](super::quad), which gives all of them one
+//! answer.
 
 use super::tree::{Nearest, PointTree};
 use super::{NEIGHBOURS, plane, quad};
