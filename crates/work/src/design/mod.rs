@@ -3,6 +3,7 @@
 //! | file | what |
 //! |---|---|
 //! | `request` | what a design is asked for with, and the constraints that it means |
+//! | `given_value` | the value that a stroke or a pin gives |
 //! | `faces` | the faces that its answer is about |
 //! | `target` | the field that an alignment draws it to |
 //! | `stored` | fields that a server keeps, named by their ids |
@@ -27,6 +28,7 @@ mod faces;
 mod fault;
 mod forms;
 mod fur;
+mod given_value;
 mod goal;
 mod hatching;
 mod matching;
