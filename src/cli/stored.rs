@@ -89,7 +89,7 @@ impl Stored {
         let checked = self.input.load_body()?.surface;
         let to = self.numbered.translation(Arc::new(checked.numbering));
         let surface = Surface::new(&checked.mesh).map_err(refused)?;
-        check_own_surface(&fields.basis, &surface.surface).map_err(|error| CliError::mesh(&self.basis, error))?;
+        check_own_surface(&fields, &surface.surface, &Unwatched).map_err(|error| CliError::mesh(&self.basis, error))?;
         Ok((Setting::new(Arc::new(fields), Arc::new(surface)).map_err(refused)?, to))
     }
 

@@ -5,6 +5,7 @@ mod alignment;
 mod basis;
 #[cfg(test)]
 mod bounded_tests;
+mod column_energies;
 mod compliance;
 mod constraints;
 mod cover;
@@ -63,6 +64,7 @@ mod windings;
 pub use adaptive::adaptive_weights;
 pub use alignment::{Alignment, Prescription};
 pub use basis::{Construction, FieldError, FieldParameters, field_basis, full_biharmonic};
+pub use column_energies::{ColumnEnergy, column_energies};
 pub use decomposition::{HodgeDecomposition, HodgeParts};
 pub use design::{BENDING, Constraint, Design, DesignError, DesignModel, EnergyWeights, Hold, MOST_DIMENSIONS};
 pub use direct::{USUAL_ROOM, most_factored_faces};

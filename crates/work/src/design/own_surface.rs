@@ -1,18 +1,22 @@
 //! Whether a surface is the one that a field basis of a file lives on: a file has no positions, but the products of all
-//! columns by area.
+//! columns by area and by energy.
 
-use chladni_spectral::basis::FieldBasis;
-use chladni_spectral::field::FieldSurface;
+use chladni_base::Monitor;
+use chladni_spectral::basis::{ProvenanceError, StoredFields};
+use chladni_spectral::field::{FieldError, FieldSurface, column_energies};
 
 /// By how much positions may differ that went through a file, next to the largest coordinate: single precision, or six
 /// digits of a text.
 const ROUNDED: f64 = 4e-6;
 
-/// By how much squares of columns may differ beside, which are kept in single precision.
+/// By how much squares and energies of columns may differ beside, whose numbers are kept in single precision.
 const KEPT: f64 = 1e-5;
 
+/// Far from the origin, where rounding is as large as a face, no more than this share is put down to it.
+const MOST_ROUNDED: f64 = 0.05;
+
 /// Why a field basis is none of a surface.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 pub enum StrangeSurface {
     /// It has another number of faces.
     #[error("the basis is of a surface of {basis} faces, the mesh has {surface}")]
@@ -34,39 +38,81 @@ pub enum StrangeSurface {
         /// That on the surface.
         expected: f64,
     },
+    /// A column has another energy.
+    #[error(
+        "the basis is of another mesh: on this one its column {column} has the energy {expected}, and {found} in the basis; faces may begin at another corner, be flipped or be numbered differently, or the mesh may be changed"
+    )]
+    Energy {
+        /// The column.
+        column: usize,
+        /// Its energy in the basis.
+        found: f64,
+        /// That on the surface.
+        expected: f64,
+    },
+    /// The basis does not say what to compare.
+    #[error("whether the basis is of this mesh cannot be checked: {0}")]
+    Provenance(#[from] ProvenanceError),
+    /// The operator cannot be made on the surface.
+    #[error(transparent)]
+    Operator(#[from] FieldError),
 }
 
-/// Checks that a field basis lives on this surface, by the square of every column. Positions may be rounded as files
-/// round them, and moved, turned or scaled as a whole.
+/// Checks that a field basis lives on this surface, by the square of every column, which areas decide, and its energy,
+/// which depends on the frame of every face and on its neighbours. Positions may be rounded as files round them, and
+/// moved, turned or scaled as a whole.
 ///
 /// # Errors
-/// [`StrangeSurface`] names the first column that differs.
-pub fn check_own_surface(basis: &FieldBasis, surface: &FieldSurface) -> Result<(), StrangeSurface> {
+/// [`StrangeSurface`] names the first column that differs; cancellation.
+pub fn check_own_surface(
+    fields: &StoredFields,
+    surface: &FieldSurface,
+    monitor: &dyn Monitor,
+) -> Result<(), StrangeSurface> {
+    let basis = &fields.basis;
     let (space, mesh) = (&basis.space, surface.mesh());
     if space.faces() != surface.faces() {
         return Err(StrangeSurface::Faces { basis: space.faces(), surface: surface.faces() });
     }
     let off = ROUNDED * mesh.positions.iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
+    let edges = |face: usize| {
+        let corners = mesh.faces[face].map(|v| mesh.positions[v as usize]);
+        [[0, 1], [1, 2], [2, 0]]
+            .map(|[a, b]: [usize; 2]| (0..3).map(|i| (corners[a][i] - corners[b][i]).powi(2)).sum::<f64>().sqrt())
+    };
     let mut squares = vec![[0.0; 2]; space.dimension()];
-    for (face, corners) in mesh.faces.iter().enumerate() {
+    for face in 0..surface.faces() {
         let own = surface.frames().areas()[face];
-        let edges = [[0, 1], [1, 2], [2, 0]].map(|ends| {
-            let [p, q] = ends.map(|k: usize| mesh.positions[corners[k] as usize]);
-            (0..3).map(|i| (p[i] - q[i]).powi(2)).sum::<f64>().sqrt()
-        });
-        let room = 2.0 * off * edges.iter().sum::<f64>() / surface.frames().area();
+        let room = 2.0 * off * edges(face).iter().sum::<f64>() / surface.frames().area();
+        let room = room.min(MOST_ROUNDED * own);
         space.row_entries(face, |column, u| {
             let square = u.iter().map(|u| u * u).sum::<f64>();
             squares[column][0] += own * square;
             squares[column][1] += room * square;
         });
     }
-    for (column, [expected, room]) in squares.into_iter().enumerate() {
-        let (columns, values) = basis.mass.row(column);
+    let on_diagonal = |matrix: &chladni_algebra::SparseMatrix, column: usize| {
+        let (columns, values) = matrix.row(column);
         let own = columns.iter().zip(values).find(|(other, _)| **other as usize == column);
-        let found = own.map_or(0.0, |own| *own.1);
+        own.map_or(0.0, |own| *own.1)
+    };
+    for (column, [expected, room]) in squares.into_iter().enumerate() {
+        let found = on_diagonal(&basis.mass, column);
         if !((found - expected).abs() <= room + KEPT * expected.abs().max(found.abs())) {
             return Err(StrangeSurface::Square { column, found, expected });
+        }
+    }
+    let boundary = fields.metadata.field_boundary(basis.kind)?;
+    // Of a face the angles are off by what a position is off by, next to its shortest edge.
+    let rounding = |face: usize| {
+        let shortest = edges(face).into_iter().fold(f64::INFINITY, f64::min);
+        KEPT + (4.0 * off / shortest).min(MOST_ROUNDED)
+    };
+    let energies = column_energies(surface, basis, boundary, &rounding, monitor)?;
+    for (column, own) in energies.into_iter().enumerate() {
+        let (found, expected) = (on_diagonal(&basis.stiffness, column), own.energy);
+        if !((found - expected).abs() <= own.room) {
+            return Err(StrangeSurface::Energy { column, found, expected });
         }
     }
     Ok(())
@@ -78,12 +124,24 @@ mod tests {
     use chladni_base::Unwatched;
     use chladni_mesh::TriangleMesh;
     use chladni_mesh::shape::{Shape, generate, noisy};
+    use chladni_spectral::basis::FieldBasis;
     use chladni_spectral::field::{FieldParameters, field_basis};
     use chladni_spectral::operator::transport::FieldKind;
+    use serde_json::json;
 
     fn surface(mesh: &TriangleMesh, place: impl Fn([f64; 3]) -> [f64; 3]) -> FieldSurface {
         let positions = mesh.positions.iter().map(|p| place(*p)).collect();
         FieldSurface::new(TriangleMesh { positions, faces: mesh.faces.clone(), ..Default::default() }).unwrap()
+    }
+
+    fn stored(own: &FieldSurface, kind: FieldKind) -> StoredFields {
+        let basis: FieldBasis = field_basis(own, &FieldParameters::new(kind, 80), &Unwatched).unwrap();
+        StoredFields { basis, ritz: None, metadata: json!({"parameters": {"boundary": "tangential"}}).into() }
+    }
+
+    fn changed(mesh: &TriangleMesh, change: impl Fn(usize, [u32; 3]) -> [u32; 3]) -> FieldSurface {
+        let faces = mesh.faces.iter().enumerate().map(|(f, face)| change(f, *face)).collect();
+        FieldSurface::new(TriangleMesh { positions: mesh.positions.clone(), faces, ..Default::default() }).unwrap()
     }
 
     #[test]
@@ -91,25 +149,47 @@ mod tests {
         let mesh = noisy(&generate(Shape::Torus, 600).unwrap(), 0.1, 3).unwrap();
         let own = surface(&mesh, |p| p);
         for kind in [FieldKind::Vector {}, FieldKind::NVector { n: 4 }, FieldKind::Tensor {}] {
-            let basis = field_basis(&own, &FieldParameters::new(kind, 80), &Unwatched).unwrap();
+            let fields = stored(&own, kind);
+            let check = |surface: &FieldSurface| check_own_surface(&fields, surface, &Unwatched);
             let single = |x: f64| f64::from(x as f32);
             for same in [
                 surface(&mesh, |p| p),
                 surface(&mesh, |p| p.map(single)),
                 surface(&mesh, |p| [p[1], p[2], p[0]]),
                 surface(&mesh, |p| p.map(|x| (x * 1e5).round() / 1e5)),
+                surface(&mesh, |p| p.map(|x| single(300.0 + x))),
+                surface(&mesh, |p| p.map(|x| 7.0 * x)),
             ] {
-                assert_eq!(check_own_surface(&basis, &same), Ok(()), "{kind:?}");
+                assert!(check(&same).is_ok(), "{kind:?}: {:?}", check(&same));
             }
-            // As many faces, in other places or another order.
-            let stretched = surface(&mesh, |[x, y, z]| [x, y, 1.5 * z]);
-            assert!(matches!(check_own_surface(&basis, &stretched), Err(StrangeSurface::Square { .. })), "{kind:?}");
-            let mut other = mesh.clone();
-            other.faces.rotate_left(7);
-            let other = FieldSurface::new(other).unwrap();
-            assert!(matches!(check_own_surface(&basis, &other), Err(StrangeSurface::Square { .. })), "{kind:?}");
+            // As many faces, in other places or another order, also far from the origin.
+            for far in [0.0, 1e3, 1e5] {
+                let place = |by: f64| move |[x, y, z]: [f64; 3]| [x + far, y + far, by * z + far];
+                assert!(check(&surface(&mesh, place(1.5))).is_err(), "{kind:?} {far}");
+                let mut other = mesh.clone();
+                other.faces.rotate_left(7);
+                assert!(check(&surface(&other, place(1.0))).is_err(), "{kind:?} {far}");
+            }
             let another = surface(&generate(Shape::Torus, 300).unwrap(), |p| p);
-            assert!(matches!(check_own_surface(&basis, &another), Err(StrangeSurface::Faces { .. })), "{kind:?}");
+            assert!(matches!(check(&another), Err(StrangeSurface::Faces { .. })), "{kind:?}");
+        }
+    }
+
+    /// Numbers of fields are in the frames of faces, which begin at their first corner.
+    #[test]
+    fn faces_that_begin_elsewhere_are_told() {
+        let mesh = noisy(&generate(Shape::Torus, 600).unwrap(), 0.1, 3).unwrap();
+        let own = surface(&mesh, |p| p);
+        for kind in [FieldKind::Vector {}, FieldKind::NVector { n: 4 }, FieldKind::Tensor {}] {
+            let fields = stored(&own, kind);
+            for (what, other) in [
+                ("corners", changed(&mesh, |_, [a, b, c]| [b, c, a])),
+                ("flipped", changed(&mesh, |_, [a, b, c]| [a, c, b])),
+                ("one face", changed(&mesh, |f, [a, b, c]| if f == 100 { [b, c, a] } else { [a, b, c] })),
+            ] {
+                let found = check_own_surface(&fields, &other, &Unwatched);
+                assert!(matches!(found, Err(StrangeSurface::Energy { .. })), "{kind:?}, {what}: {found:?}");
+            }
         }
     }
 }

@@ -2,6 +2,8 @@
 //!
 //! Nothing but pictures depends on it: strands would grow inwards, and no light would fall on any face.
 
+use std::f64::consts::PI;
+
 use chladni_mesh::dual::NO_FACE;
 
 use super::super::surface::FieldSurface;
@@ -35,13 +37,17 @@ impl Part {
         self.volume[1] += own.abs();
     }
 
-    fn encloses(&self, other: &Self) -> bool {
+    fn may_hold(&self, other: &Self) -> bool {
         self.closed && (0..3).all(|i| self.least[i] <= other.least[i] && other.most[i] <= self.most[i])
+    }
+
+    fn is_inside_out(&self) -> bool {
+        self.closed && self.volume[0] < -FLAT * self.volume[1]
     }
 }
 
-/// For each face 1 where it faces outwards as it is, −1 where it lies on a closed component that is inside out. A
-/// component within another one may be the wall of a cavity, and stays as it is.
+/// For each face 1 where it faces outwards as it is, −1 where it lies on a closed component that is inside out, or
+/// within one that is. A closed component within one that is not may be the wall of a cavity, and stays as it is.
 pub(in super::super) fn outward(surface: &FieldSurface) -> Vec<f64> {
     let (mesh, dual) = (surface.mesh(), surface.dual());
     let (components, count) = dual.components();
@@ -55,12 +61,42 @@ pub(in super::super) fn outward(surface: &FieldSurface) -> Vec<f64> {
     for &[face, other] in dual.edge_faces() {
         parts[components[face as usize] as usize].closed &= other != NO_FACE;
     }
-    let turned = |(k, part): (usize, &Part)| {
-        let inside_out = part.closed && part.volume[0] < -FLAT * part.volume[1];
-        inside_out && !parts.iter().enumerate().any(|(other, around)| other != k && around.encloses(part))
+    let origins: Vec<[f64; 3]> = origins.into_iter().map(Option::unwrap_or_default).collect();
+    // Whether a component lies within another one: by its box, and then by how often that one winds around a point.
+    let holds = |around: usize, within: usize| {
+        if around == within || !parts[around].may_hold(&parts[within]) {
+            return false;
+        }
+        let own = mesh.faces.iter().zip(&components).filter(|(_, component)| **component as usize == around);
+        let point = origins[within];
+        let angles = own.map(|(face, _)| solid_angle(face.map(|v| mesh.positions[v as usize]), point));
+        (angles.sum::<f64>() / (4.0 * PI)).abs() > 0.5
     };
-    let signs: Vec<f64> = parts.iter().enumerate().map(turned).map(|turned| if turned { -1.0 } else { 1.0 }).collect();
+    let turned = |within: usize| {
+        if !parts[within].closed {
+            return false;
+        }
+        // The outermost one that it lies in says how all of them are turned; inside-out ones alone turn anything.
+        let inside_out = |k: usize| parts[k].is_inside_out();
+        if !(0..count).any(|k| inside_out(k) && (k == within || parts[k].may_hold(&parts[within]))) {
+            return false;
+        }
+        let around: Vec<usize> = (0..count).filter(|&k| holds(k, within)).collect();
+        match around.iter().find(|&&k| around.iter().all(|&other| other == k || !parts[other].may_hold(&parts[k]))) {
+            Some(&outermost) => inside_out(outermost),
+            None => inside_out(within),
+        }
+    };
+    let signs: Vec<f64> = (0..count).map(|k| if turned(k) { -1.0 } else { 1.0 }).collect();
     components.iter().map(|&component| signs[component as usize]).collect()
+}
+
+/// The signed solid angle of a triangle from a point (Van Oosterom and Strackee 1983).
+fn solid_angle(corners: [[f64; 3]; 3], from: [f64; 3]) -> f64 {
+    let [a, b, c] = corners.map(|p| [0, 1, 2].map(|i| p[i] - from[i]));
+    let [la, lb, lc] = [a, b, c].map(|p| dot(p, p).sqrt());
+    let below = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb;
+    2.0 * dot(a, cross(b, c)).atan2(below)
 }
 
 /// Unit normals of the corners of faces, outwards.
@@ -118,7 +154,27 @@ mod tests {
         let signs = outward(&surface);
         assert!(signs[..sphere.faces.len()].iter().all(|&sign| sign == 1.0));
         assert!(signs[sphere.faces.len()..].iter().all(|&sign| sign == -1.0));
+        // Turned as a whole, its walls turn back together.
+        let inside_out = union(&[turned(&sphere), scaled(&sphere, 0.5, 0.0)]);
+        assert!(outward(&FieldSurface::new(inside_out).unwrap()).iter().all(|&sign| sign == -1.0));
         let disk = FieldSurface::new(turned(&generate(Shape::Disk, 100).unwrap())).unwrap();
         assert!(outward(&disk).iter().all(|&sign| sign == 1.0));
+    }
+
+    /// What lies in the corner of another's box, or in the hole of a torus, lies beside it.
+    #[test]
+    fn components_in_the_box_of_another_are_beside_it() {
+        let sphere = generate(Shape::Sphere, 162).unwrap();
+        let in_the_corner = {
+            let mut small = scaled(&sphere, 0.1, 0.0);
+            small.positions.iter_mut().for_each(|p| *p = p.map(|x| x + 0.85));
+            small
+        };
+        let in_the_hole = scaled(&sphere, 0.2, 0.0);
+        let torus = generate(Shape::Torus, 400).unwrap();
+        for mesh in [union(&[sphere, in_the_corner]), union(&[torus, in_the_hole])] {
+            assert!(outward(&FieldSurface::new(mesh.clone()).unwrap()).iter().all(|&sign| sign == 1.0));
+            assert!(outward(&FieldSurface::new(turned(&mesh)).unwrap()).iter().all(|&sign| sign == -1.0));
+        }
     }
 }
