@@ -37,6 +37,8 @@ pub struct SubspaceComparison {
     /// `ΦᵀMΨ`, `pairs × pairs`: column `j` has the Fourier coefficients of function `j` of the other basis in the
     /// reference.
     pub coefficients: DenseMatrix,
+    /// Per function of the other basis its norm in the mass of the reference.
+    pub norms: Vec<f64>,
     /// Per function of the other basis, which share of it, in the norm of the mass, lies outside of all the functions
     /// of the reference.
     pub projection_errors: Vec<f64>,
@@ -46,6 +48,19 @@ pub struct SubspaceComparison {
     pub angles: Vec<f64>,
     /// The eigenspaces, by ascending eigenvalues of the reference.
     pub eigenspaces: Vec<Eigenspace>,
+}
+
+impl SubspaceComparison {
+    /// The cosines of the angles between the functions of both, `φᵢᵀMψⱼ / ‖ψⱼ‖`, `pairs × pairs`: coefficients as they
+    /// are of functions of unit norm, whatever the mass of the other basis.
+    pub fn overlaps(&self) -> DenseMatrix {
+        let mut overlaps = self.coefficients.clone();
+        for (column, &norm) in self.norms.iter().enumerate() {
+            let share = |x: &mut f64| *x = if norm > 0.0 { *x / norm } else { 0.0 };
+            overlaps.column_mut(column).iter_mut().for_each(share);
+        }
+        overlaps
+    }
 }
 
 /// Compares the first `pairs` functions of two bases; the mass is that of the reference. Eigenvalues of the reference
@@ -62,16 +77,13 @@ pub fn compare(
     monitor: &dyn Monitor,
 ) -> Result<SubspaceComparison, AnalysisError> {
     error::count("pairs", pairs, 1, reference.count().min(other.count()).min(MOST_PAIRS))?;
-    if !(gap.is_finite() && gap >= 0.0) {
-        let expected = "a finite number that is not negative";
-        return Err(AnalysisError::Parameter { parameter: "gap", value: gap, expected });
-    }
+    check_gap(gap)?;
     let n = reference.vertices();
     if other.vertices() != n {
         return Err(AnalysisError::Basis(BasisError::Rows { found: other.vertices(), expected: n }));
     }
     let mut coefficients = DenseMatrix::zeros(pairs, pairs);
-    let mut projection_errors = Vec::with_capacity(pairs);
+    let (mut norms, mut projection_errors) = (Vec::with_capacity(pairs), Vec::with_capacity(pairs));
     for from in (0..pairs).step_by(AT_ONCE) {
         monitor.checkpoint()?;
         let range = from..pairs.min(from + AT_ONCE);
@@ -80,6 +92,7 @@ pub fn compare(
         for ((column, k), norm) in range.zip(0..).zip(reference.norms(&functions)?) {
             let found = &found.column(k)[..pairs];
             coefficients.column_mut(column).copy_from_slice(found);
+            norms.push(norm);
             let held: f64 = found.iter().map(|c| c * c).sum();
             projection_errors.push(if norm > 0.0 { (1.0 - held / (norm * norm)).max(0.0).sqrt() } else { 0.0 });
         }
@@ -98,15 +111,25 @@ pub fn compare(
     Ok(SubspaceComparison {
         angles: angles(&coefficients, gram)?,
         eigenvalue_errors: values.map(|(a, b)| if (b - a).abs() <= zero { 0.0 } else { (b - a) / a }).collect(),
+        norms,
         projection_errors,
         eigenspaces,
         coefficients,
     })
 }
 
+/// Checks that a gap is one.
+pub(super) fn check_gap(gap: f64) -> Result<(), AnalysisError> {
+    if gap.is_finite() && gap >= 0.0 {
+        return Ok(());
+    }
+    let expected = "a finite number that is not negative";
+    Err(AnalysisError::Parameter { parameter: "gap", value: gap, expected })
+}
+
 /// Runs of ascending values in which each follows on the one before with a relative gap of at most `gap`; zeros, as far
 /// as rounding tells, are one run.
-fn clusters(values: &[f64], gap: f64) -> Vec<Range<usize>> {
+pub(super) fn clusters(values: &[f64], gap: f64) -> Vec<Range<usize>> {
     let largest = values.last().copied().unwrap_or(0.0).abs();
     let zero = super::spectrum::NEARLY * largest;
     let mut runs: Vec<Range<usize>> = Vec::new();
