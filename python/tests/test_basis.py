@@ -255,7 +255,7 @@ def test_modes_are_followed_through_a_crossing():
     there, on = first.follow(middle, 9), middle.follow(last, gap=0.01)
     cluster = next(cluster for cluster in there.clusters if 2 in cluster.modes)
     assert cluster.modes.tolist() == [2, 3] and sorted(cluster.followers) == [2, 3]
-    block = overlaps_of(first, middle)[np.ix_(cluster.modes, cluster.followers)]
+    block = (first.vectors.T @ (first.mass[:, None] * middle.vectors))[np.ix_(cluster.modes, cluster.followers)]
     u, _, v = np.linalg.svd(block)
     assert np.allclose(cluster.rotation, (u @ v).T)
     through = on.rotation @ there.rotation

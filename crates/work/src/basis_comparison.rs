@@ -192,7 +192,7 @@ impl BasisComparisonRequest {
         let following = match self.following {
             true => {
                 let values = [&reference.eigenvalues[..], &other.eigenvalues];
-                Some(following::follow(&found.overlaps(), values, self.gap, monitor)?.into())
+                Some(following::follow(&found.coefficients, &found.gram, values, self.gap, monitor)?.into())
             }
             false => None,
         };

@@ -2,13 +2,13 @@
 //! mode 7 of one is mode 8 of the other, with either sign; where they coincide, functions are turned within their
 //! space.
 //!
-//! With the overlaps `O = ΦᵀMΨ`, the functions `Ψ` of the other basis scaled to unit norm, each function of the
-//! reference is given one of the other basis: by the assignment `σ` of greatest `Σᵢ O²ᵢ,σ₍ᵢ₎` (Kuhn 1955). A function
-//! of a cluster of eigenvalues means nothing by itself, but its space does. So functions are taken together whose
-//! eigenvalues, or those of the functions that they are given, lie close together: modes `I` with followers `J = σ(I)`.
-//! The orthogonal matrix with the least `‖Φ_I − Ψ_J R‖` is `R = V Uᵀ` of `O_IJ = U Σ Vᵀ` (Schönemann 1966), for a
-//! single mode the sign of its overlap. What follows the functions of the reference is `Ψ R`, with the overlaps
-//! `diag(O_IJ R)`.
+//! With the coefficients `C = ΦᵀMΨ` and the norms of the functions `Ψ` of the other basis in the mass `M` of the
+//! reference, overlaps are `O_ij = C_ij / ‖ψ_j‖`. Each function of the reference is given one of the other basis: by the
+//! assignment `σ`, one to one, of greatest `Σ O²_iσ(i)` (Kuhn 1955). A function of a cluster of eigenvalues means nothing
+//! by itself, but its space does. So functions are taken together whose eigenvalues, or those of the functions that they
+//! are given, lie close together: modes `I` with followers `J = σ(I)`. The orthogonal matrix with the least
+//! `‖Φ_I − Ψ_J R‖` is `R = V Uᵀ` of `C_IJ = U Σ Vᵀ` (Schönemann 1966), for a single mode the sign of its overlap. What
+//! follows the functions of the reference is `Ψ R`, the same whichever functions stand for the eigenvalues of `J`.
 
 use chladni_algebra::{DenseMatrix, nearest_orthogonal};
 use chladni_base::Monitor;
@@ -84,30 +84,32 @@ impl Following {
     }
 }
 
-/// Which functions of another basis follow those of the reference, by their overlaps ([`overlaps`]), a row for each
-/// function of the reference and a column for each of the other; `values` are the eigenvalues of the reference and of
-/// the other basis, ascending. Eigenvalues of either that follow on each other with a relative gap of at most `gap` are
-/// one cluster.
+/// Which functions of another basis follow those of the reference: by the coefficients `ΦᵀMΨ`, a row for each function
+/// of the reference and a column for each of the other, and by `ΨᵀMΨ`, as [`compare`] finds them; `values` are the
+/// eigenvalues of the reference and of the other basis, ascending. Eigenvalues of either that follow on each other with
+/// a relative gap of at most `gap` are one cluster. Numbers that are not finite count as 0.
 ///
 /// # Errors
 /// [`AnalysisError`]: more pairs than [`MOST_PAIRS`] or than there are eigenvalues, a gap that is no number from 0 on,
 /// cancellation.
 ///
 /// # Panics
-/// Unless there are as many rows as columns.
+/// Unless both matrices are square and of one size.
 ///
-/// [`overlaps`]: super::subspace::SubspaceComparison::overlaps
+/// [`compare`]: super::subspace::compare
 pub fn follow(
-    overlaps: &DenseMatrix,
+    coefficients: &DenseMatrix,
+    gram: &DenseMatrix,
     values: [&[f64]; 2],
     gap: f64,
     monitor: &dyn Monitor,
 ) -> Result<Following, AnalysisError> {
-    let pairs = overlaps.columns();
-    assert_eq!(overlaps.rows(), pairs, "rows and columns of overlaps");
+    let pairs = coefficients.columns();
+    let sizes = [coefficients.rows(), gram.rows(), gram.columns()];
+    assert_eq!(sizes, [pairs; 3], "rows and columns of coefficients and inner products");
     error::count("pairs", pairs, 0, values[0].len().min(values[1].len()).min(MOST_PAIRS))?;
     check_gap(gap)?;
-    let squares = squares(overlaps);
+    let squares = squares(coefficients, gram);
     let assigned = assignment(&squares, monitor)?;
     let groups = groups(&squares, &assigned, values.map(|values| places(&clusters(&values[..pairs], gap))));
     let mut group_of = vec![0; pairs];
@@ -119,7 +121,7 @@ pub fn follow(
     for (group, members) in groups.iter().enumerate() {
         monitor.checkpoint()?;
         let followers: Vec<usize> = members.iter().map(|&mode| assigned[mode]).collect();
-        let turned = Turned::new(overlaps, members, &followers)?;
+        let turned = Turned::new((coefficients, gram), members, &followers)?;
         for (&mode, overlap) in members.iter().zip(turned.overlaps) {
             let follower = assigned[mode];
             let mut of_groups = vec![0.0; groups.len()];
@@ -128,7 +130,7 @@ pub fn follow(
             let second = beside.fold(0.0, |most: f64, (_, &square)| most.max(square));
             modes[mode] = FollowedMode {
                 follower: (overlap >= LEAST_OVERLAP).then_some(follower),
-                sign: if overlaps.column(follower)[mode] < 0.0 { -1.0 } else { 1.0 },
+                sign: sign(coefficients.column(follower)[mode]),
                 overlap,
                 sure: overlap * overlap >= SURE_SQUARE && 4.0 * second <= overlap * overlap,
             };
@@ -148,29 +150,50 @@ struct Turned {
 }
 
 impl Turned {
-    fn new(overlaps: &DenseMatrix, modes: &[usize], followers: &[usize]) -> Result<Self, AnalysisError> {
+    fn new(
+        (coefficients, gram): (&DenseMatrix, &DenseMatrix),
+        modes: &[usize],
+        followers: &[usize],
+    ) -> Result<Self, AnalysisError> {
         let k = modes.len();
-        let values = followers.iter().flat_map(|&follower| modes.iter().map(move |&mode| (mode, follower)));
-        let values = values.map(|(mode, follower)| finite(overlaps.column(follower)[mode])).collect();
-        let block = DenseMatrix::from_columns(k, k, values);
-        if let [value] = block.values() {
-            let sign = if *value < 0.0 { -1.0 } else { 1.0 };
-            return Ok(Self { rotation: DenseMatrix::from_columns(1, 1, vec![sign]), overlaps: vec![value.abs()] });
-        }
-        let rotation = nearest_orthogonal(&block)?.transpose();
-        let turned = block.times(&rotation);
-        Ok(Self { rotation, overlaps: (0..k).map(|i| turned.column(i)[i]).collect() })
+        let products = block(coefficients, modes, followers);
+        let rotation = match products.values() {
+            [value] => DenseMatrix::from_columns(1, 1, vec![sign(*value)]),
+            _ => nearest_orthogonal(&products)?.transpose(),
+        };
+        let (turned, gram) = (products.times(&rotation), block(gram, followers, followers).times(&rotation));
+        let overlap = |i: usize| {
+            let square: f64 = rotation.column(i).iter().zip(gram.column(i)).map(|(x, y)| x * y).sum();
+            if square > 0.0 { finite(turned.column(i)[i] / square.sqrt()) } else { 0.0 }
+        };
+        Ok(Self { overlaps: (0..k).map(overlap).collect(), rotation })
     }
 }
 
-/// The number itself, or 0 where it is none: functions of no finite norm overlap with nothing.
+/// Some entries of a matrix; those that are not finite are 0.
+fn block(matrix: &DenseMatrix, rows: &[usize], columns: &[usize]) -> DenseMatrix {
+    let entries = columns.iter().flat_map(|&column| rows.iter().map(move |&row| finite(matrix.column(column)[row])));
+    DenseMatrix::from_columns(rows.len(), columns.len(), entries.collect())
+}
+
+fn sign(value: f64) -> f64 {
+    if value < 0.0 { -1.0 } else { 1.0 }
+}
+
+/// The number itself, or 0 where its square is none.
 fn finite(value: f64) -> f64 {
     if (value * value).is_finite() { value } else { 0.0 }
 }
 
-fn squares(overlaps: &DenseMatrix) -> DenseMatrix {
-    let values = overlaps.values().iter().map(|&value| finite(value).powi(2)).collect();
-    DenseMatrix::from_columns(overlaps.rows(), overlaps.columns(), values)
+/// The squares of all overlaps.
+fn squares(coefficients: &DenseMatrix, gram: &DenseMatrix) -> DenseMatrix {
+    let mut squares = coefficients.clone();
+    for column in 0..squares.columns() {
+        let norm = gram.column(column)[column].sqrt();
+        let square = |x: &mut f64| *x = if norm > 0.0 { finite(*x / norm).powi(2) } else { 0.0 };
+        squares.column_mut(column).iter_mut().for_each(square);
+    }
+    squares
 }
 
 /// For each mode the number of its cluster.
@@ -178,8 +201,8 @@ fn places(clusters: &[std::ops::Range<usize>]) -> Vec<usize> {
     clusters.iter().enumerate().flat_map(|(place, modes)| modes.clone().map(move |_| place)).collect()
 }
 
-/// The modes of the reference that are followed together, ascending, by the first of them. Modes are tied to one cluster
-/// of each basis: their own, and that of the function that they are given.
+/// The modes of the reference that are followed together, ascending, by the first of them. Modes are tied to one
+/// cluster of each basis: their own, and that of the function that they are given.
 fn groups(squares: &DenseMatrix, assigned: &[usize], [own, other]: [Vec<usize>; 2]) -> Vec<Vec<usize>> {
     let pairs = assigned.len();
     let tied = |mode: usize| {
@@ -210,8 +233,8 @@ fn groups(squares: &DenseMatrix, assigned: &[usize], [own, other]: [Vec<usize>; 
 }
 
 /// The row that each row is given a column of, one to one, so that the sum of the weights is greatest: shortest
-/// augmenting paths, which a price for each row and column keeps without negative steps (Edmonds and Karp 1972), `O(m³)`
-/// and, where each row has one large weight, hardly more than `O(m²)`. Weights are finite.
+/// augmenting paths, which a price for each row and column keeps without negative steps (Edmonds and Karp 1972),
+/// `O(m³)` and, where each row has one large weight, hardly more than `O(m²)`. Weights are finite.
 fn assignment(weights: &DenseMatrix, monitor: &dyn Monitor) -> Result<Vec<usize>, AnalysisError> {
     let pairs = weights.columns();
     let (mut of_rows, mut of_columns) = (vec![0.0; pairs], vec![0.0; pairs]);

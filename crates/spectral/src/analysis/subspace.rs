@@ -37,8 +37,9 @@ pub struct SubspaceComparison {
     /// `ΦᵀMΨ`, `pairs × pairs`: column `j` has the Fourier coefficients of function `j` of the other basis in the
     /// reference.
     pub coefficients: DenseMatrix,
-    /// Per function of the other basis its norm in the mass of the reference.
-    pub norms: Vec<f64>,
+    /// `ΨᵀMΨ`, `pairs × pairs`: the inner products of the functions of the other basis in the mass of the reference;
+    /// the identity where both have one mass.
+    pub gram: DenseMatrix,
     /// Per function of the other basis, which share of it, in the norm of the mass, lies outside of all the functions
     /// of the reference.
     pub projection_errors: Vec<f64>,
@@ -48,19 +49,6 @@ pub struct SubspaceComparison {
     pub angles: Vec<f64>,
     /// The eigenspaces, by ascending eigenvalues of the reference.
     pub eigenspaces: Vec<Eigenspace>,
-}
-
-impl SubspaceComparison {
-    /// The cosines of the angles between the functions of both, `φᵢᵀMψⱼ / ‖ψⱼ‖`, `pairs × pairs`: coefficients as they
-    /// are of functions of unit norm, whatever the mass of the other basis.
-    pub fn overlaps(&self) -> DenseMatrix {
-        let mut overlaps = self.coefficients.clone();
-        for (column, &norm) in self.norms.iter().enumerate() {
-            let share = |x: &mut f64| *x = if norm > 0.0 { *x / norm } else { 0.0 };
-            overlaps.column_mut(column).iter_mut().for_each(share);
-        }
-        overlaps
-    }
 }
 
 /// Compares the first `pairs` functions of two bases; the mass is that of the reference. Eigenvalues of the reference
@@ -83,7 +71,7 @@ pub fn compare(
         return Err(AnalysisError::Basis(BasisError::Rows { found: other.vertices(), expected: n }));
     }
     let mut coefficients = DenseMatrix::zeros(pairs, pairs);
-    let (mut norms, mut projection_errors) = (Vec::with_capacity(pairs), Vec::with_capacity(pairs));
+    let mut projection_errors = Vec::with_capacity(pairs);
     for from in (0..pairs).step_by(AT_ONCE) {
         monitor.checkpoint()?;
         let range = from..pairs.min(from + AT_ONCE);
@@ -92,7 +80,6 @@ pub fn compare(
         for ((column, k), norm) in range.zip(0..).zip(reference.norms(&functions)?) {
             let found = &found.column(k)[..pairs];
             coefficients.column_mut(column).copy_from_slice(found);
-            norms.push(norm);
             let held: f64 = found.iter().map(|c| c * c).sum();
             projection_errors.push(if norm > 0.0 { (1.0 - held / (norm * norm)).max(0.0).sqrt() } else { 0.0 });
         }
@@ -109,12 +96,12 @@ pub fn compare(
     let zero = super::spectrum::NEARLY * reference.eigenvalues[pairs - 1].abs();
     let values = reference.eigenvalues.iter().zip(&other.eigenvalues).take(pairs);
     Ok(SubspaceComparison {
-        angles: angles(&coefficients, gram)?,
+        angles: angles(&coefficients, gram.clone())?,
         eigenvalue_errors: values.map(|(a, b)| if (b - a).abs() <= zero { 0.0 } else { (b - a) / a }).collect(),
-        norms,
         projection_errors,
         eigenspaces,
         coefficients,
+        gram,
     })
 }
 
