@@ -3,10 +3,10 @@
 //! space.
 //!
 //! With the coefficients `C = ΦᵀMΨ` and the norms of the functions `Ψ` of the other basis in the mass `M` of the
-//! reference, overlaps are `O_ij = C_ij / ‖ψ_j‖`. Each function of the reference is given one of the other basis: by the
-//! assignment `σ`, one to one, of greatest `Σ O²_iσ(i)` (Kuhn 1955). A function of a cluster of eigenvalues means nothing
-//! by itself, but its space does. So functions are taken together whose eigenvalues, or those of the functions that they
-//! are given, lie close together: modes `I` with followers `J = σ(I)`. The orthogonal matrix with the least
+//! reference, overlaps are `O_ij = C_ij / ‖ψ_j‖`. Each function of the reference is given one of the other basis: by
+//! the assignment `σ`, one to one, of greatest `Σ O²_iσ(i)` (Kuhn 1955). A function of a cluster of eigenvalues means
+//! nothing by itself, but its space does. So functions are taken together whose eigenvalues, or those of the functions
+//! that they are given, lie close together: modes `I` with followers `J = σ(I)`. The orthogonal matrix with the least
 //! `‖Φ_I − Ψ_J R‖` is `R = V Uᵀ` of `C_IJ = U Σ Vᵀ` (Schönemann 1966), for a single mode the sign of its overlap. What
 //! follows the functions of the reference is `Ψ R`, the same whichever functions stand for the eigenvalues of `J`.
 
