@@ -16,6 +16,7 @@ from ._certificate import Around, Certificate, CutCluster, InertiaCount, Interva
 from ._client import Client, RemoteBasis
 from ._errors import Cancelled, ClientError, Error, FormatError, MeshError, ParameterError, SolveError, UnprovenError
 from ._fields import Fields, fields
+from ._following import FollowedCluster, Following
 from ._maps import CollectionMap, FunctionalMap, MapCollection, PointMap, functional_map, map_collection
 from ._mesh import Mesh
 from ._native import SOLVER_VERSION, __version__, get_threads
@@ -38,6 +39,8 @@ __all__ = [
     "Eigenpairs",
     "Error",
     "Fields",
+    "FollowedCluster",
+    "Following",
     "FormatError",
     "FunctionalMap",
     "InertiaCount",

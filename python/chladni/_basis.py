@@ -12,6 +12,7 @@ import numpy as np
 
 from . import _arrays, _native, _view
 from ._certificate import Certificate
+from ._following import Following
 from ._mesh import Mesh, distance_request, is_nearest, spreading
 
 if TYPE_CHECKING:
@@ -389,6 +390,45 @@ class Basis:
         n = np.shape(functions)[0] if np.ndim(functions) else 0
         derivatives, _ = _arrays.functions(functions, n, "derivatives")
         return self._core.loss_gradient([float(weight) for weight in listed], derivatives)
+
+    def follow(self, other: Basis, pairs: int | None = None, *, gap: float = 0.01) -> Following:
+        """Which modes of another basis follow those of this one, as from one frame of an animation to the next.
+
+        Frames have the same vertices in the same order. Where eigenvalues cross, modes change places; signs are arbitrary in every frame, and so are functions of eigenvalues that coincide:
+        these are turned together.
+
+        Parameters
+        ----------
+        other : Basis
+            The basis of the next frame.
+        pairs : int, optional
+            How many of the first pairs of both; without it, as many as both have, at most 1000. Some more than are shown, so that modes that go up are still found.
+        gap : float
+            Eigenvalues of either basis that follow on each other with at most this relative gap are one cluster. With many pairs less than the distance between two, 1/k at mode k.
+
+        Returns
+        -------
+        Following
+
+        Examples
+        --------
+        An ellipsoid becomes longer, and its modes 2 and 3 change places:
+
+        >>> import chladni
+        >>> sphere = chladni.Mesh.sample("sphere", 642)
+        >>> frames = [chladni.Mesh(sphere.vertices * [1, 1.2, height], sphere.faces) for height in (0.95, 1.05)]
+        >>> one, next = [chladni.eigs(frame, k=9, method="hsim") for frame in frames]
+        >>> found = one.follow(next)
+        >>> found.modes[:4]
+        array([0, 1, 3, 2])
+        >>> functions = next.vectors @ found.rotation                        # as those of one, with their signs
+        >>> bool((one.mass @ (functions * one.vectors)).min() > 0.9)
+        True
+        """
+        if not isinstance(other, Basis) or type(self._core) is not type(other._core):
+            raise _arrays.parameter_error("other must be a Basis that is where this one is: here, or on the same server")
+        wanted = None if pairs is None else _arrays.whole(pairs, "pairs", 1)
+        return Following._of_json(self._core.follow(other._core, wanted, _arrays.number(gap, "gap")))
 
     def filter(
         self,

@@ -467,6 +467,12 @@ class _RemoteNative:
     def value_gradient(self, weights: list[float]) -> np.ndarray:
         return self._table("value-gradient", np.asarray(weights, dtype="<f8").tobytes(), _OCTETS)
 
+    def follow(self, other: _RemoteNative, pairs: int | None, gap: float) -> str:
+        if other.client.url != self.client.url:
+            raise _arrays.parameter_error(f"other is on {other.client.url}, and this basis on {self.client.url}")
+        request = {"reference": self.id, "other": other.id, "pairs": pairs, "gap": gap, "following": True}
+        return json.dumps(self.client._json("POST", "/v1/basis-comparisons", body=request)["following"])
+
     def reconstruct(self, coefficients: np.ndarray, nearest: bool) -> np.ndarray:
         return self._table("reconstruct", self._raw(coefficients), _OCTETS, extend=_extend(nearest))
 

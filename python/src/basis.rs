@@ -12,6 +12,7 @@ use chladni_spectral::analysis::filter::{Transfer, filter};
 use chladni_spectral::analysis::signature::Signature;
 use chladni_spectral::basis::Basis;
 use chladni_spectral::formats::npz;
+use chladni_work::basis_comparison::BasisComparisonRequest;
 use chladni_work::distances::DistanceRequest;
 use chladni_work::numbered::{pull, push};
 use chladni_work::own_mesh::{StrangeMesh, check_own_mesh};
@@ -285,6 +286,18 @@ impl NativeBasis {
         let found =
             watch::run(py, None, |monitor| Ok(loss_gradient(basis, of, (&weights, &functions), &to, monitor)?))?;
         arrays::table(py, found)
+    }
+
+    /// Which modes of another basis follow those of this one, as JSON: the member `following` of the API's answer.
+    fn follow(&self, py: Python<'_>, other: &Self, pairs: Option<usize>, gap: f64) -> PyResult<String> {
+        self.of_functions()?;
+        other.of_functions()?;
+        // Names are for the API, which finds bases by them.
+        let (reference, named) = (String::new(), String::new());
+        let request =
+            BasisComparisonRequest { reference, other: named, pairs, gap, coefficients: false, following: true };
+        let answer = watch::run(py, None, |monitor| Ok(request.answer(&self.basis, &other.basis, None, monitor)?))?;
+        json(&answer.following)
     }
 
     /// Filters functions, (n, k) in Fortran order. The transfer function is that of the API, as JSON.

@@ -8,6 +8,7 @@ use chladni_spectral::analysis::filter::FilterError;
 use chladni_spectral::basis::{BasisError, ProvenanceError};
 use chladni_spectral::formats::FormatError;
 use chladni_spectral::operator::OperatorError;
+use chladni_work::basis_comparison::BasisComparisonFault;
 use chladni_work::distances::DistanceFault;
 use chladni_work::value_gradient::GradientFault;
 use chladni_work::{JobError, ParameterError};
@@ -173,6 +174,17 @@ impl From<AnalysisError> for Failure {
         match error {
             AnalysisError::Cancelled(cancelled) => Self::new(Kind::Cancelled, "cancelled", cancelled.to_string()),
             other => Self::new(Kind::Parameter, "invalid-analysis", other.to_string()),
+        }
+    }
+}
+
+impl From<BasisComparisonFault> for Failure {
+    fn from(fault: BasisComparisonFault) -> Self {
+        match fault {
+            BasisComparisonFault::Analysis(error) => error.into(),
+            BasisComparisonFault::Vertices { .. } => {
+                Self::new(Kind::Parameter, "incomparable-bases", fault.to_string())
+            }
         }
     }
 }

@@ -236,3 +236,40 @@ def test_the_gradient_of_a_loss_is_what_differences_say():
     for weights, functions in [([0.0], np.ones((len(vertices) - 1, 1))), ([0.0], np.ones((len(vertices), 10))), ([0.0] * 10, np.ones((len(vertices), 1))), ([[0.0]], np.ones((len(vertices), 1))), ([np.nan], np.ones((len(vertices), 1)))]:
         with pytest.raises(chladni.ParameterError):
             basis.loss_gradient(weights, functions)
+
+
+def test_modes_are_followed_through_a_crossing():
+    sphere = chladni.Mesh.sample("sphere", 642)
+    frames = [chladni.Mesh(sphere.vertices * [1, 1.2, height], sphere.faces) for height in (0.9, 1.0, 1.1)]
+    first, middle, last = (chladni.eigs(frame, k=9, method="hsim", tol=1e-8, precision="f64") for frame in frames)
+    found = first.follow(last, gap=1e-3)
+    assert found.modes[:4].tolist() == [0, 1, 3, 2] and found.sure[:4].all() and not found.clusters
+    overlaps = overlaps_of(first, last)
+    assert np.allclose(found.overlaps, abs(overlaps[np.arange(9), found.modes])) and (found.overlaps > 0.5).all()
+    assert (found.signs == np.sign(overlaps[np.arange(9), found.modes])).all()
+    # Of all orders this has the greatest sum, as SciPy tells.
+    scipy_optimize = pytest.importorskip("scipy.optimize")
+    assert (scipy_optimize.linear_sum_assignment(-(overlaps**2))[1] == found.modes).all()
+    assert (found.rotation[found.modes, np.arange(9)] == found.signs).all() and abs(found.rotation).sum() == 9
+    # By way of the frame where both coincide, and whose functions are turned.
+    there, on = first.follow(middle, 9), middle.follow(last, gap=0.01)
+    cluster = next(cluster for cluster in there.clusters if 2 in cluster.modes)
+    assert cluster.modes.tolist() == [2, 3] and sorted(cluster.followers) == [2, 3]
+    block = (first.vectors.T @ (first.mass[:, None] * middle.vectors))[np.ix_(cluster.modes, cluster.followers)]
+    u, _, v = np.linalg.svd(block)
+    assert np.allclose(cluster.rotation, (u @ v).T)
+    through = on.rotation @ there.rotation
+    assert np.allclose(through[:4, :4], found.rotation[:4, :4], atol=0.1)
+    again = first.follow(first, 5)
+    assert np.allclose(again.rotation, np.eye(5), atol=1e-9) and again.modes.dtype == np.int64
+    for wrong in [{"pairs": 10}, {"pairs": 0}, {"pairs": 1.5}, {"gap": -1.0}, {"gap": float("nan")}]:
+        with pytest.raises(chladni.ParameterError):
+            first.follow(last, **wrong)
+    with pytest.raises(chladni.ParameterError, match="the other basis 42"):
+        first.follow(chladni.eigs(chladni.Mesh.sample("sphere", 42), k=9))
+    with pytest.raises(chladni.ParameterError, match="must be a Basis"):
+        first.follow(last.vectors)
+
+
+def overlaps_of(one, other):
+    return one.vectors.T @ (one.mass[:, None] * other.vectors) / np.sqrt(one.mass @ other.vectors**2)

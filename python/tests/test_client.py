@@ -31,6 +31,10 @@ def test_answers_are_those_of_here(client, knot, tmp_path):
     spectrum = here.project(vertices[:, 0])
     assert np.allclose(there.project(vertices[:, 0]) ** 2, spectrum**2, atol=1e-5)
     assert np.allclose(there.reconstruct(there.project(vertices)), here.reconstruct(here.project(vertices)), atol=1e-6, equal_nan=True)
+    onward = there.follow(client.basis(there.id), 10)
+    assert np.array_equal(onward.modes, np.arange(10)) and np.allclose(onward.rotation, here.follow(here, 10).rotation, atol=1e-6)
+    with pytest.raises(chladni.ParameterError, match="on the same server"):
+        there.follow(here)
     local = there.download()
     assert type(local) is chladni.Basis and np.array_equal(local.values, there.values)
     there.save(tmp_path / "there.npz")

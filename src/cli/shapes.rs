@@ -71,8 +71,9 @@ pub struct CompareShapesArguments {
 /// Compare two stored eigenbases of one surface, function by function, without a server
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Example:
-  chladni compare-bases exact.npz approximate.npz --request '{\"pairs\": 100}'")]
+Examples:
+  chladni compare-bases exact.npz approximate.npz --request '{\"pairs\": 100}'
+  chladni compare-bases frame1.npz frame2.npz --request '{\"following\": true}'")]
 pub struct CompareBasesArguments {
     /// NPZ file of the basis that the other one is projected on
     #[arg(value_name = "REFERENCE")]

@@ -32,7 +32,8 @@ problems!(CompareBasesProblems: BODY JSON [INVALID_QUERY, UNKNOWN_BASIS, NOT_ACC
 /// Compares two bases of one surface
 ///
 /// Projects the functions of one on those of the other: Fourier coefficients, what is left out, and the principal
-/// angles between eigenspaces, eigenvalues that lie close together being taken as one.
+/// angles between eigenspaces, eigenvalues that lie close together being taken as one. With `following`, which mode of
+/// one is which of the other, as in two frames of an animation whose eigenvalues cross.
 #[utoipa::path(
     post, path = "/v1/basis-comparisons", tag = "analysis", operation_id = "compareBases",
     request_body(content = BasisComparisonRequest),

@@ -420,7 +420,17 @@ async fn two_bases_are_compared_function_by_function() {
     // With a wide gap the eigenvalues 1 and 2 are one cluster; zero is none of it.
     let wide = ask(&app, url, &json!({"reference": basis, "other": basis, "gap": 0.6, "pairs": 3})).await;
     assert_eq!((&wide["eigenspaces"][1]["from"], &wide["eigenspaces"][1]["to"]), (&json!(1), &json!(3)));
-    assert!(wide["coefficients"].is_null());
+    assert!(wide["coefficients"].is_null() && wide["following"].is_null());
+    // Each mode follows itself; those of a cluster do so together.
+    let wanted = json!({"reference": basis, "other": basis, "gap": 0.6, "following": true});
+    let following = ask(&app, url, &wanted).await["following"].take();
+    for (mode, followed) in following["modes"].as_array().unwrap().iter().enumerate() {
+        assert_eq!((&followed["mode"], &followed["sign"], &followed["sure"]), (&json!(mode), &json!(1), &json!(true)));
+        assert!((followed["overlap"].as_f64().unwrap() - 1.0).abs() < 1e-6, "{followed}");
+    }
+    let cluster = &following["clusters"][0];
+    assert_eq!((&cluster["modes"], &cluster["followers"]), (&json!([1, 2]), &json!([1, 2])));
+    assert!(close(&numbers(&cluster["rotation"]["values"]), &[1.0, 0.0, 0.0, 1.0]), "{cluster}");
     // A mesh of as many vertices in another place is another one.
     let moved = "OFF\n6 8 0\n3 0 0\n1 0 0\n2 1 0\n2 -1 0\n2 0 1\n2 0 -1\n3 0 2 4\n3 2 1 4\n3 1 3 4\n3 3 0 4\n3 2 0 5\n3 1 2 5\n3 3 1 5\n3 0 3 5\n";
     let moved = app.submit(&text(&app.upload("off", moved).await["id"]), json!({"count": 3})).await;

@@ -228,9 +228,12 @@ fn shapes_are_mapped_and_compared_by_their_files() {
     let right = (0..1000).filter(|&vertex| points[vertex + 1] == vertex as i32).count();
     assert!(right > 900, "{right} points are matched with themselves");
 
-    let compared = bench.told(&["compare-bases", &bench.basis, &bench.basis, "--request", r#"{"pairs": 12}"#]);
+    let compared =
+        bench.told(&["compare-bases", &bench.basis, &bench.basis, "--request", r#"{"pairs": 12, "following": true}"#]);
+    assert_eq!(compared["following"]["modes"].as_array().unwrap().len(), 12);
     let basis = bench.read();
-    let expected = typed::<BasisComparisonRequest>(json!({"reference": "a", "other": "b", "pairs": 12}));
+    let request = json!({"reference": "a", "other": "b", "pairs": 12, "following": true});
+    let expected = typed::<BasisComparisonRequest>(request);
     let expected = expected.answer(&basis, &basis, None, &chladni_base::Unwatched).unwrap();
     assert_eq!(compared, serde_json::to_value(expected).unwrap());
 

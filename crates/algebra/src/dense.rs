@@ -104,6 +104,17 @@ impl DenseMatrix {
         product(self.view().transpose(), other.view())
     }
 
+    /// The rows as columns.
+    pub fn transpose(&self) -> Self {
+        let mut transposed = Self::zeros(self.columns, self.rows);
+        for column in 0..self.columns {
+            for (row, &value) in self.column(column).iter().enumerate() {
+                transposed.values[row * self.columns + column] = value;
+            }
+        }
+        transposed
+    }
+
     fn view(&self) -> MatRef<'_, f64> {
         MatRef::from_column_major_slice(&self.values, self.rows, self.columns)
     }

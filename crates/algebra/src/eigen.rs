@@ -184,6 +184,16 @@ pub(super) fn check_finite(matrix: char, values: &DenseMatrix) -> Result<(), Eig
     Ok(())
 }
 
+/// The same of all entries, and not of the lower triangle alone.
+pub(super) fn check_all_finite(matrix: char, values: &DenseMatrix) -> Result<(), EigenError> {
+    for column in 0..values.columns() {
+        if let Some(row) = values.column(column).iter().position(|v| !v.is_finite()) {
+            return Err(EigenError::NotFinite { matrix, row, column });
+        }
+    }
+    Ok(())
+}
+
 /// Scales rows and columns of both matrices so that `B` has ones on its diagonal, which makes Cholesky as stable as it
 /// can be; gives the scales, by which eigenvectors have to be multiplied.
 fn scale_to_unit_diagonal(a: &mut DenseMatrix, b: &mut DenseMatrix) -> Result<Vec<f64>, EigenError> {

@@ -29,6 +29,7 @@ mod ordering;
 mod panel_products;
 mod panels;
 mod patches;
+mod polar;
 mod product;
 mod recount;
 mod residual_gram;
@@ -66,6 +67,7 @@ pub use panel_products::{
 };
 pub use panels::{PANEL_WIDTH, PanelMatrix};
 pub use patches::{ExactRow, PATCH_ROWS, Patch, RINGS, SparseRows};
+pub use polar::nearest_orthogonal;
 pub use product::{Panel, Scalar};
 pub use recount::eigenvalues_below;
 pub use residual_gram::{Magnitudes, residual_gram, residual_magnitudes};

@@ -1,7 +1,8 @@
-//! Two bases of one surface, compared function by function.
+//! Two bases of one surface, compared function by function, and modes followed from one to the other.
 
 use chladni_base::Monitor;
 use chladni_spectral::analysis::AnalysisError;
+use chladni_spectral::analysis::following::{self, FollowedCluster, FollowedMode, Following};
 use chladni_spectral::analysis::subspace::{Eigenspace, MOST_PAIRS, compare};
 use chladni_spectral::basis::Basis;
 use serde::{Deserialize, Serialize};
@@ -21,13 +22,18 @@ pub struct BasisComparisonRequest {
     pub other: String,
     /// How many of the first pairs of both; without it, as many as both have, at most 1000.
     pub pairs: Option<usize>,
-    /// Eigenvalues of the reference that follow on each other with at most this relative gap are one cluster.
+    /// Eigenvalues of the reference that follow on each other with at most this relative gap are one cluster; for
+    /// modes that are followed those of either basis.
     #[serde(default = "one_percent")]
     #[cfg_attr(feature = "schema", schema(default = 0.01))]
     pub gap: f64,
     /// Whether to give all Fourier coefficients.
     #[serde(default)]
     pub coefficients: bool,
+    /// Whether to say which mode of the other basis follows each one of the reference, as from one frame of an
+    /// animation to the next.
+    #[serde(default)]
+    pub following: bool,
 }
 
 fn one_percent() -> f64 {
@@ -55,12 +61,72 @@ impl From<Eigenspace> for EigenspaceAnswer {
     }
 }
 
+/// What follows a mode of the reference.
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct FollowedModeAnswer {
+    /// The mode of the other basis, counted from 0; null where the overlap is below a half.
+    pub mode: Option<usize>,
+    /// 1, or −1 where that function has the other sign; within a cluster its rotation counts instead.
+    pub sign: i8,
+    /// The cosine of the angle between the function and what follows it, in the mass of the reference; within a cluster
+    /// after its rotation.
+    pub overlap: f64,
+    /// Whether it follows for sure: its square is at least 0.8, so that no other has more than half of the overlap.
+    pub sure: bool,
+}
+
+impl From<FollowedMode> for FollowedModeAnswer {
+    fn from(FollowedMode { follower, sign, overlap, sure }: FollowedMode) -> Self {
+        Self { mode: follower, sign: if sign < 0.0 { -1 } else { 1 }, overlap, sure }
+    }
+}
+
+/// Modes that are followed together, since eigenvalues lie close together in one basis or the other.
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct FollowedClusterAnswer {
+    /// Modes of the reference, ascending.
+    pub modes: Vec<usize>,
+    /// Modes of the other basis, each at the place of the mode that it follows.
+    pub followers: Vec<usize>,
+    /// The orthogonal matrix that turns the functions of the followers to those of the modes: a row for each follower,
+    /// a column for each mode.
+    pub rotation: Table,
+}
+
+impl From<FollowedCluster> for FollowedClusterAnswer {
+    fn from(FollowedCluster { modes, followers, rotation }: FollowedCluster) -> Self {
+        Self { modes, followers, rotation: Table::from(&rotation) }
+    }
+}
+
+/// Modes of the reference, followed to the other basis.
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct FollowingAnswer {
+    /// What follows each mode of the reference.
+    pub modes: Vec<FollowedModeAnswer>,
+    /// Two and more modes that are followed together, by the first of them.
+    pub clusters: Vec<FollowedClusterAnswer>,
+}
+
+impl From<Following> for FollowingAnswer {
+    fn from(Following { modes, clusters }: Following) -> Self {
+        Self {
+            modes: modes.into_iter().map(FollowedModeAnswer::from).collect(),
+            clusters: clusters.into_iter().map(FollowedClusterAnswer::from).collect(),
+        }
+    }
+}
+
 /// Two bases, compared.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[cfg_attr(feature = "schema", schema(example = json!({
     "same_mesh": true, "pairs": 2, "eigenvalue_errors": [0.0, 0.003], "projection_errors": [0.0, 0.01], "angles": [0.0, 0.01],
-    "eigenspaces": [{"from": 0, "to": 1, "angles": [0.0], "error": 0.0}, {"from": 1, "to": 2, "angles": [0.01], "error": 0.01}], "coefficients": null
+    "eigenspaces": [{"from": 0, "to": 1, "angles": [0.0], "error": 0.0}, {"from": 1, "to": 2, "angles": [0.01], "error": 0.01}], "coefficients": null,
+    "following": {"modes": [{"mode": 0, "sign": 1, "overlap": 1.0, "sure": true}, {"mode": 1, "sign": -1, "overlap": 0.9999, "sure": true}], "clusters": []}
 })))]
 pub struct BasisComparisonAnswer {
     /// Whether both bases are of one mesh, or one problem; null where that is not known, as of two files. If they are
@@ -79,6 +145,8 @@ pub struct BasisComparisonAnswer {
     pub eigenspaces: Vec<EigenspaceAnswer>,
     /// Fourier coefficients: a row for each function of the reference, a column for each of the other basis.
     pub coefficients: Option<Table>,
+    /// Which mode of the other basis follows each one of the reference, where that was asked for.
+    pub following: Option<FollowingAnswer>,
 }
 
 /// Why bases cannot be compared.
@@ -121,6 +189,13 @@ impl BasisComparisonRequest {
         Self::check(reference, other)?;
         let pairs = self.pairs.unwrap_or(reference.count().min(other.count()).min(MOST_PAIRS));
         let found = compare(reference, other, pairs, self.gap, monitor)?;
+        let following = match self.following {
+            true => {
+                let values = [&reference.eigenvalues[..], &other.eigenvalues];
+                Some(following::follow(&found.coefficients, &found.gram, values, self.gap, monitor)?.into())
+            }
+            false => None,
+        };
         Ok(BasisComparisonAnswer {
             same_mesh,
             pairs,
@@ -129,6 +204,7 @@ impl BasisComparisonRequest {
             angles: found.angles,
             eigenspaces: found.eigenspaces.into_iter().map(EigenspaceAnswer::from).collect(),
             coefficients: self.coefficients.then(|| Table::from(&found.coefficients)),
+            following,
         })
     }
 }

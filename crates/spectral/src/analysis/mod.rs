@@ -8,6 +8,7 @@ pub mod distance;
 mod error;
 pub mod family;
 pub mod filter;
+pub mod following;
 pub mod functional_map;
 pub mod geodesic;
 pub mod heat;

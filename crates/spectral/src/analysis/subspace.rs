@@ -37,6 +37,9 @@ pub struct SubspaceComparison {
     /// `ΦᵀMΨ`, `pairs × pairs`: column `j` has the Fourier coefficients of function `j` of the other basis in the
     /// reference.
     pub coefficients: DenseMatrix,
+    /// `ΨᵀMΨ`, `pairs × pairs`: the inner products of the functions of the other basis in the mass of the reference;
+    /// the identity where both have one mass.
+    pub gram: DenseMatrix,
     /// Per function of the other basis, which share of it, in the norm of the mass, lies outside of all the functions
     /// of the reference.
     pub projection_errors: Vec<f64>,
@@ -62,10 +65,7 @@ pub fn compare(
     monitor: &dyn Monitor,
 ) -> Result<SubspaceComparison, AnalysisError> {
     error::count("pairs", pairs, 1, reference.count().min(other.count()).min(MOST_PAIRS))?;
-    if !(gap.is_finite() && gap >= 0.0) {
-        let expected = "a finite number that is not negative";
-        return Err(AnalysisError::Parameter { parameter: "gap", value: gap, expected });
-    }
+    check_gap(gap)?;
     let n = reference.vertices();
     if other.vertices() != n {
         return Err(AnalysisError::Basis(BasisError::Rows { found: other.vertices(), expected: n }));
@@ -96,17 +96,27 @@ pub fn compare(
     let zero = super::spectrum::NEARLY * reference.eigenvalues[pairs - 1].abs();
     let values = reference.eigenvalues.iter().zip(&other.eigenvalues).take(pairs);
     Ok(SubspaceComparison {
-        angles: angles(&coefficients, gram)?,
+        angles: angles(&coefficients, gram.clone())?,
         eigenvalue_errors: values.map(|(a, b)| if (b - a).abs() <= zero { 0.0 } else { (b - a) / a }).collect(),
         projection_errors,
         eigenspaces,
         coefficients,
+        gram,
     })
+}
+
+/// Checks that a gap is one.
+pub(super) fn check_gap(gap: f64) -> Result<(), AnalysisError> {
+    if gap.is_finite() && gap >= 0.0 {
+        return Ok(());
+    }
+    let expected = "a finite number that is not negative";
+    Err(AnalysisError::Parameter { parameter: "gap", value: gap, expected })
 }
 
 /// Runs of ascending values in which each follows on the one before with a relative gap of at most `gap`; zeros, as far
 /// as rounding tells, are one run.
-fn clusters(values: &[f64], gap: f64) -> Vec<Range<usize>> {
+pub(super) fn clusters(values: &[f64], gap: f64) -> Vec<Range<usize>> {
     let largest = values.last().copied().unwrap_or(0.0).abs();
     let zero = super::spectrum::NEARLY * largest;
     let mut runs: Vec<Range<usize>> = Vec::new();
