@@ -62,10 +62,15 @@ fn random_places(surface: &FieldSurface, pairs: usize, seed: u64) -> Combed {
     combed
 }
 
-fn coordinates(surface: &FieldSurface, combed: &Combed, integers: bool, stiffening: u32) -> Parametrisation {
+fn coordinates(
+    surface: &FieldSurface,
+    combed: &Combed,
+    (integers, creases): (bool, &[u32]),
+    stiffening: u32,
+) -> Parametrisation {
     let order = VertexOrder::new(surface).unwrap();
     let spacing = surface.frames().area().sqrt() / 30.0;
-    let wanted = ParametrisationParameters { spacing, integers, creases: Vec::new(), stiffening };
+    let wanted = ParametrisationParameters { spacing, integers, creases: creases.to_vec(), stiffening };
     parametrise(surface, combed, &order, &wanted, &Unwatched).unwrap()
 }
 
@@ -84,7 +89,7 @@ fn angles_add_up_around_every_vertex_or_its_faces_are_told() {
         for seed in 0..6 {
             let combed = random_places(&surface, 2, seed);
             for (at, stiffening) in [0, 5].into_iter().enumerate() {
-                let found = coordinates(&surface, &combed, true, stiffening);
+                let found = coordinates(&surface, &combed, (true, &[]), stiffening);
                 let [wrong, untold, hidden] = wrongly_wound(&surface, &combed, &found);
                 let clean = usize::from(found.inverted.is_empty());
                 let own = [wrong, untold, hidden, found.inverted.len(), clean];
@@ -113,14 +118,13 @@ fn angles_add_up_on_real_surfaces_or_faces_are_told() {
         let cross = CrossField::aligned(&surface, &CrossParameters::default(), &Unwatched).unwrap();
         let combed = comb(&surface, &cross.field, &[]).unwrap();
         for stiffening in [0, 5, 10] {
-            for integers in [false, true] {
-                let found = coordinates(&surface, &combed, integers, stiffening);
+            for (integers, creases) in [(false, [].as_slice()), (false, &cross.creases), (true, &cross.creases)] {
+                let found = coordinates(&surface, &combed, (integers, creases), stiffening);
                 let [wrong, untold, hidden] = wrongly_wound(&surface, &combed, &found);
                 let told = found.inverted.len();
-                println!(
-                    "{name} {stiffening} {integers}: {wrong} wrong, {untold} untold, {hidden} hidden, {told} told"
-                );
-                assert_eq!((untold, hidden), (0, 0), "{name} {stiffening} {integers}");
+                let context = format!("{name} {stiffening} {integers} {}", creases.len());
+                println!("{context}: {wrong} wrong, {untold} untold, {hidden} hidden, {told} told");
+                assert_eq!((untold, hidden), (0, 0), "{context}");
             }
         }
     }
