@@ -164,7 +164,8 @@ pub struct QuadsAnswer {
     pub cut: Vec<CutEdge>,
     /// The singular vertices.
     pub singularities: Vec<SingularVertex>,
-    /// Faces that are turned over in the coordinates.
+    /// Faces that are turned over in the coordinates, and faces around a vertex where none is and the coordinates still
+    /// wind as its index does not allow: they lie on each other.
     pub inverted: Vec<u32>,
     /// The root of the mean square, by area, of how far the gradients of the coordinates are from the directions, where
     /// 1 is the length of those.

@@ -14,7 +14,8 @@ use super::dissection::{Neighbours, dissected};
 use super::rounding;
 use super::seams::Seams;
 use super::system::Parts;
-use super::untangle::{doubled, untangle};
+use super::untangle::untangle;
+use super::winding::Windings;
 use super::{Combed, MOST_ROUNDED, QuadError};
 use crate::operator::frames::Complex64;
 
@@ -113,7 +114,9 @@ pub struct ParametrisationParameters {
 pub struct Parametrisation {
     /// Of each corner of each face: whole numbers are grid lines.
     pub coordinates: Vec<[Complex64; 3]>,
-    /// Faces that are turned over, or have no area in the coordinates.
+    /// Faces, ascending, that are turned over or have no area in the coordinates, and all faces around an inner vertex
+    /// of index `x` whose angles in the coordinates do not add up to `2π (1 − x)` though none of them is turned over:
+    /// they lie on each other.
     pub inverted: Vec<u32>,
     /// The root of the mean square, by area, of how far gradients are from the directions, where 1 is the length of
     /// those.
@@ -163,6 +166,7 @@ pub fn parametrise(
     if let Some((unknowns, _)) = whole.as_ref().filter(|(unknowns, _)| unknowns.len() > MOST_ROUNDED) {
         return Err(QuadError::Rounding { count: unknowns.len() });
     }
+    let windings = Windings::new(surface, &combed.singularities);
     let mut stiffness = vec![1.0; surface.faces()];
     let mut rounds = 0;
     monitor.checkpoint()?;
@@ -171,8 +175,8 @@ pub fn parametrise(
     let groups = whole.as_ref().map_or_else(Vec::new, |(unknowns, _)| rounding::apart(&system.matrix, unknowns));
     let mut solution = solved(&factor, system.right);
     let mut coordinates = parts.coordinates(&solution);
-    let mut inverted = turned_over(&coordinates);
-    // The fewest turned over so far, with what gave them.
+    let mut inverted = windings.folded(&coordinates);
+    // The fewest folded so far, with what gave them.
     let mut best = (inverted.len(), stiffness.clone());
     while rounds < parameters.stiffening && !inverted.is_empty() {
         monitor.checkpoint()?;
@@ -181,7 +185,7 @@ pub fn parametrise(
         factor.refactor(&system.matrix)?;
         solution = solved(&factor, system.right);
         coordinates = parts.coordinates(&solution);
-        inverted = turned_over(&coordinates);
+        inverted = windings.folded(&coordinates);
         if inverted.len() < best.0 {
             best = (inverted.len(), stiffness.clone());
         }
@@ -192,7 +196,7 @@ pub fn parametrise(
         factor.refactor(&system.matrix)?;
         solution = solved(&factor, system.right);
         coordinates = parts.coordinates(&solution);
-        inverted = turned_over(&coordinates);
+        inverted = windings.folded(&coordinates);
     }
     let (mut misfit, mut halved) = (None, false);
     if let Some((unknowns, leading)) = whole {
@@ -204,12 +208,12 @@ pub fn parametrise(
         }
         misfit = Some(most);
         coordinates = parts.coordinates(&solution);
-        inverted = turned_over(&coordinates);
+        inverted = windings.folded(&coordinates);
     }
     if parameters.stiffening > 0 && !inverted.is_empty() {
         monitor.checkpoint()?;
-        untangle(&parts, &mut solution, &mut coordinates, inverted, monitor)?;
-        inverted = turned_over(&coordinates);
+        untangle(&parts, &windings, &mut solution, &mut coordinates, inverted, monitor)?;
+        inverted = windings.folded(&coordinates);
     }
     let areas = surface.frames().areas();
     let squares = (0..surface.faces()).map(|face| areas[face] * distance(&parts, face, &coordinates[face]).powi(2));
@@ -228,11 +232,6 @@ fn solved(factor: &Factor, right: Vec<f64>) -> Vec<f64> {
     factor.solve(&mut columns);
     let [solution] = columns;
     solution
-}
-
-/// Faces whose corners do not run counter-clockwise in the coordinates.
-fn turned_over(coordinates: &[[Complex64; 3]]) -> Vec<u32> {
-    (0..coordinates.len() as u32).filter(|&face| !(doubled(coordinates[face as usize]) > 0.0)).collect()
 }
 
 /// The gradient of the coordinates of a face against its direction, as the two numbers of a linear map `z ↦ a z + b z̄`

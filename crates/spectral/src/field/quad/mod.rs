@@ -15,6 +15,7 @@
 //! | `integrate` | their solution |
 //! | `untangle` | faces turned back, one vertex at a time |
 //! | `relax` | and together with the faces around them |
+//! | `winding` | vertices around which coordinates wind too often, or not often enough |
 //! | `rounding` | quarter turns and whole translations: grid lines that meet across the cut |
 //! | `files` | OBJ, VTK, and the files of Directional |
 
@@ -32,6 +33,7 @@ mod smoothest;
 mod split;
 mod system;
 mod untangle;
+mod winding;
 
 pub use aligned::{CrossField, CrossParameters, crosses_of};
 pub use combing::{Combed, comb};

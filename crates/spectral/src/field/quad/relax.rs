@@ -4,12 +4,13 @@
 //! coordinates against the directions and `χ(D) = (D + √(ε² + D²)) / 2` takes the place of a determinant that is not
 //! positive (Garanzha, Kaporin, Kudryavtseva, Protais, Ray and Sokolov 2021). `ε` shrinks with the worst determinant,
 //! so that the sum is a barrier in the end. One vertex after the other takes a step of Newton's method; what does not
-//! lessen the number of faces turned over is undone.
+//! lessen the number of faces turned over is undone, and so is what makes coordinates wind wrongly around a vertex.
 
 use chladni_base::{Cancelled, Monitor};
 
 use super::system::Parts;
 use super::untangle::{FixedCoordinates, doubled, turn};
+use super::winding::Windings;
 use crate::operator::frames::{Complex64, inner};
 
 /// Rings of faces around a face that is turned over.
@@ -46,7 +47,7 @@ const MOST_PATCHES: usize = 200;
 /// # Errors
 /// [`Cancelled`], when asked to stop.
 pub(super) fn relax(
-    parts: &Parts,
+    (parts, windings): (&Parts, &Windings),
     held: &[FixedCoordinates],
     solution: &mut [f64],
     coordinates: &mut [[Complex64; 3]],
@@ -67,23 +68,32 @@ pub(super) fn relax(
             patch.iter().filter(|&&f| !(doubled(coordinates[f as usize]) > 0.0)).count()
         };
         let free = free(parts, held, &patch);
-        let (before, count) = (patch.iter().map(|&f| coordinates[f as usize]).collect::<Vec<_>>(), over(coordinates));
+        // All whose angles may change.
+        let vertices = vertices_of(parts, &patch);
+        let mut corners = Vec::new();
+        let mut wrong = |coordinates: &[[Complex64; 3]]| {
+            vertices.iter().filter(|&&v| windings.is_wrong(coordinates, v, &mut corners)).count()
+        };
+        let now = |coordinates: &[[Complex64; 3]]| patch.iter().map(|&f| coordinates[f as usize]).collect::<Vec<_>>();
+        let (count, most) = (over(coordinates), wrong(coordinates));
         let mut steps = vec![Complex64::ZERO; free.len()];
+        // The fewest turned over so far, with what gave them.
+        let mut best = (count, now(coordinates), steps.clone());
         for _ in 0..SWEEPS {
             sweep(parts, &patch, &free, coordinates, &mut steps);
-            if over(coordinates) == 0 {
+            let left = over(coordinates);
+            if left < count && left <= best.0 && wrong(coordinates) <= most {
+                best = (left, now(coordinates), steps.clone());
+            }
+            if left == 0 {
                 break;
             }
         }
-        if over(coordinates) < count {
-            for (own, &step) in free.iter().zip(&steps) {
-                solution[2 * own.vertex as usize..][..2]
-                    .iter_mut()
-                    .zip([step.re, step.im])
-                    .for_each(|(sum, x)| *sum += x);
-            }
-        } else {
-            patch.iter().zip(before).for_each(|(&f, own)| coordinates[f as usize] = own);
+        let (_, kept, steps) = best;
+        patch.iter().zip(kept).for_each(|(&f, own)| coordinates[f as usize] = own);
+        for (own, &step) in free.iter().zip(&steps) {
+            let sums = &mut solution[2 * own.vertex as usize..][..2];
+            sums.iter_mut().zip([step.re, step.im]).for_each(|(sum, x)| *sum += x);
         }
         patch.iter().for_each(|&f| done[f as usize] |= !(doubled(coordinates[f as usize]) > 0.0));
     }
@@ -114,13 +124,18 @@ fn patch(parts: &Parts, face: u32) -> Vec<u32> {
     patch
 }
 
+/// The vertices of a patch, ascending.
+fn vertices_of(parts: &Parts, patch: &[u32]) -> Vec<u32> {
+    let mut vertices: Vec<u32> = patch.iter().flat_map(|&face| parts.surface.mesh().faces[face as usize]).collect();
+    vertices.sort_unstable();
+    vertices.dedup();
+    vertices
+}
+
 /// The vertices all of whose faces belong to a patch, and that may move.
 fn free(parts: &Parts, held: &[FixedCoordinates], patch: &[u32]) -> Vec<Free> {
     let (mesh, dual) = (parts.surface.mesh(), parts.surface.dual());
-    let mut vertices: Vec<u32> = patch.iter().flat_map(|&face| mesh.faces[face as usize]).collect();
-    vertices.sort_unstable();
-    vertices.dedup();
-    let free = vertices.into_iter().filter_map(|vertex| {
+    let free = vertices_of(parts, patch).into_iter().filter_map(|vertex| {
         let (held, mut corners) = (held[vertex as usize], Vec::new());
         let closed = held != [true; 2] && dual.fan(mesh, vertex, &mut corners) && corners.len() <= MOST_FACES;
         let within = closed && corners.iter().all(|corner| patch.binary_search(&(corner / 3)).is_ok());

@@ -2,7 +2,8 @@
 //! around it is largest (Freitag and Plassmann 2000).
 //!
 //! A step that would turn more faces over than it turns back is not taken, so that there are never more of them. Those
-//! that a step does turn over are visited in their turn.
+//! that a step does turn over are visited in their turn. Nor is one after which coordinates wind wrongly around a vertex
+//! with no face turned over there: faces would be folded without a word.
 //!
 //! The area of a face is linear in the coordinates of one of its vertices, and so this is a linear program in two
 //! coordinates and the least area. What ties coordinates to each other stays: singular vertices and boundaries are not
@@ -15,6 +16,7 @@ use super::aligned::{off, sides};
 use super::relax::relax;
 use super::seams::quarter_turned;
 use super::system::{ASTRAY, Parts};
+use super::winding::Windings;
 use crate::operator::frames::{Complex64, complex, outer, power};
 
 /// Passes over the faces that are left.
@@ -38,31 +40,32 @@ pub(super) type FixedCoordinates = [bool; 2];
 /// [`Cancelled`], when asked to stop.
 pub(super) fn untangle(
     parts: &Parts,
+    windings: &Windings,
     solution: &mut [f64],
     coordinates: &mut [[Complex64; 3]],
     inverted: Vec<u32>,
     monitor: &dyn Monitor,
 ) -> Result<(), Cancelled> {
     let held = held(parts);
-    let left = one_by_one(parts, &held, solution, coordinates, inverted);
+    let left = one_by_one((parts, windings), &held, solution, coordinates, inverted);
     if left.is_empty() {
         return Ok(());
     }
-    relax(parts, &held, solution, coordinates, &left, monitor)?;
-    one_by_one(parts, &held, solution, coordinates, left);
+    relax((parts, windings), &held, solution, coordinates, &left, monitor)?;
+    one_by_one((parts, windings), &held, solution, coordinates, left);
     Ok(())
 }
 
 /// Vertices alone; what is left.
 fn one_by_one(
-    parts: &Parts,
+    (parts, windings): (&Parts, &Windings),
     held: &[FixedCoordinates],
     solution: &mut [f64],
     coordinates: &mut [[Complex64; 3]],
     mut inverted: Vec<u32>,
 ) -> Vec<u32> {
     let (mesh, dual) = (parts.surface.mesh(), parts.surface.dual());
-    let mut corners = Vec::new();
+    let (mut corners, mut scratch, mut before) = (Vec::new(), Vec::new(), Vec::new());
     for _ in 0..PASSES {
         let mut vertices: Vec<u32> = inverted.iter().flat_map(|&face| mesh.faces[face as usize]).collect();
         vertices.sort_unstable();
@@ -75,10 +78,19 @@ fn one_by_one(
             }
             let areas: Vec<Area> = corners.iter().filter_map(|&corner| area(parts, coordinates, corner)).collect();
             let Some(step) = best(&areas, held) else { continue };
-            moved = true;
+            before.clear();
+            before.extend(corners.iter().map(|&corner| coordinates[corner as usize / 3][corner as usize % 3]));
+            let wrong = windings.wrong_around(coordinates, &corners, &mut scratch);
             for &corner in &corners {
                 coordinates[corner as usize / 3][corner as usize % 3] += turn(parts, corner) * step;
             }
+            if windings.wrong_around(coordinates, &corners, &mut scratch) > wrong {
+                for (&corner, &z) in corners.iter().zip(&before) {
+                    coordinates[corner as usize / 3][corner as usize % 3] = z;
+                }
+                continue;
+            }
+            moved = true;
             inverted.extend(corners.iter().map(|&corner| corner / 3));
             solution[2 * vertex as usize] += step.re;
             solution[2 * vertex as usize + 1] += step.im;
