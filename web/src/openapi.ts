@@ -726,7 +726,8 @@ export interface paths {
         /**
          * Compares two bases of one surface
          * @description Projects the functions of one on those of the other: Fourier coefficients, what is left out, and the principal
-         *     angles between eigenspaces, eigenvalues that lie close together being taken as one.
+         *     angles between eigenspaces, eigenvalues that lie close together being taken as one. With `following`, which mode of
+         *     one is which of the other, as in two frames of an animation whose eigenvalues cross.
          */
         post: operations["compareBases"];
         delete?: never;
@@ -1621,6 +1622,23 @@ export interface components {
          *         0,
          *         0.003
          *       ],
+         *       "following": {
+         *         "clusters": [],
+         *         "modes": [
+         *           {
+         *             "mode": 0,
+         *             "overlap": 1,
+         *             "sign": 1,
+         *             "sure": true
+         *           },
+         *           {
+         *             "mode": 1,
+         *             "overlap": 0.9999,
+         *             "sign": -1,
+         *             "sure": true
+         *           }
+         *         ]
+         *       },
          *       "pairs": 2,
          *       "projection_errors": [
          *         0,
@@ -1637,6 +1655,7 @@ export interface components {
             eigenspaces: components["schemas"]["EigenspaceAnswer"][];
             /** @description Per pair the eigenvalue of the other basis less that of the reference, over that. */
             eigenvalue_errors: number[];
+            following: components["schemas"]["FollowingAnswer"] | null;
             /** @description How many pairs were compared. */
             pairs: number;
             /**
@@ -1662,8 +1681,14 @@ export interface components {
             /** @description Whether to give all Fourier coefficients. */
             coefficients?: boolean;
             /**
+             * @description Whether to say which mode of the other basis follows each one of the reference, as from one frame of an
+             *     animation to the next.
+             */
+            following?: boolean;
+            /**
              * Format: double
-             * @description Eigenvalues of the reference that follow on each other with at most this relative gap are one cluster. By default `0.01`.
+             * @description Eigenvalues of the reference that follow on each other with at most this relative gap are one cluster; for
+             *     modes that are followed those of either basis. By default `0.01`.
              */
             gap?: number;
             /** @description The id of the other basis, on as many vertices. */
@@ -3808,6 +3833,43 @@ export interface components {
             functions: components["schemas"]["Functions"];
             /** @description By what each part is multiplied, as a function of its eigenvalue λ (1/length² of the mesh). */
             transfer: components["schemas"]["Transfer"];
+        };
+        /** @description Modes that are followed together, since eigenvalues lie close together in one basis or the other. */
+        FollowedClusterAnswer: {
+            /** @description Modes of the other basis, each at the place of the mode that it follows. */
+            followers: number[];
+            /** @description Modes of the reference, ascending. */
+            modes: number[];
+            /**
+             * @description The orthogonal matrix that turns the functions of the followers to those of the modes: a row for each follower,
+             *     a column for each mode.
+             */
+            rotation: components["schemas"]["Table"];
+        };
+        /** @description What follows a mode of the reference. */
+        FollowedModeAnswer: {
+            /** @description The mode of the other basis, counted from 0; null where the overlap is below a half. */
+            mode: number | null;
+            /**
+             * Format: double
+             * @description The cosine of the angle between the function and what follows it, in the mass of the reference; within a cluster
+             *     after its rotation.
+             */
+            overlap: number;
+            /**
+             * Format: int32
+             * @description 1, or −1 where that function has the other sign; within a cluster its rotation counts instead.
+             */
+            sign: number;
+            /** @description Whether it follows for sure: its square is at least 0.8, so that no other has more than half of the overlap. */
+            sure: boolean;
+        };
+        /** @description Modes of the reference, followed to the other basis. */
+        FollowingAnswer: {
+            /** @description Two and more modes that are followed together, by the first of them. */
+            clusters: components["schemas"]["FollowedClusterAnswer"][];
+            /** @description What follows each mode of the reference. */
+            modes: components["schemas"]["FollowedModeAnswer"][];
         };
         /**
          * @description A map between two surfaces, and what tells how good it is.
@@ -5977,7 +6039,10 @@ export interface components {
              *     across the cut.
              */
             directions: components["schemas"]["Table"];
-            /** @description Faces that are turned over in the coordinates. */
+            /**
+             * @description Faces that are turned over in the coordinates, and faces around a vertex where none is and the coordinates still
+             *     wind as its index does not allow: they lie on each other.
+             */
             inverted: number[];
             /**
              * Format: double
