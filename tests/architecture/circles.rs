@@ -44,7 +44,7 @@ const CIRCLES: &[&str] = &[
     // A pencil keeps the factor of its sums, which is one of the pencil's structure.
     "spectral: field: pencil pencil_inverse",
     // Two passes that call each other until nothing changes.
-    "spectral: field::quad: relax untangle",
+    "spectral: field::quad: relax untangle winding",
     "spectral: field::quad: simple smoothest",
     // The choice of an operator is its assembly, which on points and graphs is another one.
     "spectral: operator: assembly choice graph points",
@@ -66,7 +66,7 @@ const CIRCLES: &[&str] = &[
     // Either way of modes takes steps of the other.
     "spectral: spectrum::vibration: exact refined",
     // Fields of a request may be stored ones, and those are read as a request gives them.
-    "work: design: faces request stored target",
+    "work: design: faces given_value request stored target",
     "work: eigenbasis: part_memory parts",
 ];
 

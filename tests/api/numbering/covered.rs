@@ -51,6 +51,7 @@ const EXEMPT: &[(&str, &str)] = &[
     ("listFields", "counts"),
     ("showField", "counts, and a request with its numbering"),
     ("renameField", "counts, and a request with its numbering"),
+    ("compareBases", "counts modes, and says how many of each cluster"),
     ("compareShapes", "its descriptors are spectra"),
 ];
 

@@ -2,8 +2,8 @@
 //! around it is largest (Freitag and Plassmann 2000).
 //!
 //! A step that would turn more faces over than it turns back is not taken, so that there are never more of them. Those
-//! that a step does turn over are visited in their turn. Nor is one after which coordinates wind wrongly around a vertex
-//! with no face turned over there: faces would be folded without a word.
+//! that a step does turn over are visited in their turn. Nor is one after which coordinates wind wrongly around a
+//! vertex with no face turned over there: faces would be folded without a word.
 //!
 //! The area of a face is linear in the coordinates of one of its vertices, and so this is a linear program in two
 //! coordinates and the least area. What ties coordinates to each other stays: singular vertices and boundaries are not
