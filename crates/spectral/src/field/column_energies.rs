@@ -13,7 +13,10 @@ use crate::operator::tangential::FieldOperator;
 pub struct ColumnEnergy {
     /// `uᵀSu`.
     pub energy: f64,
-    /// By how much it may be off, for what the rows of faces may be off by.
+    /// The sum of the magnitudes of all terms.
+    pub magnitude: f64,
+    /// By how much it is off where the terms of each face are off independently of those of others: the root of the sum
+    /// of the squares of what the faces are off by.
     pub room: f64,
 }
 
@@ -53,6 +56,7 @@ fn of_blocks<const B: usize>(
     // The row of a face, and where in it each column stands that it has.
     let mut row: Vec<[f64; B]> = Vec::new();
     let mut places = vec![(usize::MAX, 0); space.dimension()];
+    let mut sizes: Vec<f64> = Vec::new();
     for face in 0..surface.faces() {
         if face % 4096 == 0 {
             monitor.checkpoint()?;
@@ -63,6 +67,8 @@ fn of_blocks<const B: usize>(
             row.push(std::array::from_fn(|i| u[i]));
         });
         let share = rounding(face);
+        sizes.clear();
+        sizes.resize(row.len(), 0.0);
         let (neighbours, blocks) = operator.stiffness.row(face);
         for (&neighbour, block) in neighbours.iter().zip(blocks) {
             space.row_entries(neighbour as usize, |column, u| {
@@ -71,10 +77,16 @@ fn of_blocks<const B: usize>(
                     let own = row[place];
                     let term: f64 = (0..B).map(|i| own[i] * (0..B).map(|j| block[i][j] * u[j]).sum::<f64>()).sum();
                     energies[column].energy += term;
-                    energies[column].room += share * term.abs();
+                    sizes[place] += term.abs();
                 }
             });
         }
+        space.row_entries(face, |column, _| {
+            let size = sizes[places[column].1];
+            energies[column].magnitude += size;
+            energies[column].room += (share * size).powi(2);
+        });
     }
+    energies.iter_mut().for_each(|own| own.room = own.room.sqrt());
     Ok(energies)
 }
