@@ -111,7 +111,7 @@ pub fn quads(arguments: QuadsArguments) -> Result<ExitCode, CliError> {
             format!(", creases and boundaries missed by {mean:.3} degrees ({most:.1} at most)")
         });
         format!(
-            "{} faces, {} singular vertices{creases}\n{} faces turned over ({:.3} %), off the field by {:.3}, in {:.2} s\n",
+            "{} faces, {} singular vertices{creases}\n{} faces inverted ({:.3} %), off the field by {:.3}, in {:.2} s\n",
             grouped(faces),
             found.combed.singularities.len(),
             own.inverted.len(),
