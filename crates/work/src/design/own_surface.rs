@@ -15,8 +15,8 @@ const KEPT: f64 = 1e-5;
 /// Far from the origin, where rounding is as large as a face, no more than this share is put down to it.
 const MOST_ROUNDED: f64 = 0.05;
 
-/// Vertices are rounded independently of each other, so that what that does to faces adds up as squares do. A column may
-/// be off by so many times as much: six digits, 1,000 from a torus of 1,200 faces, take .6 of it at most, and its
+/// Vertices are rounded independently of each other, so that what that does to faces adds up as squares do. A column
+/// may be off by so many times as much: six digits, 1,000 from a torus of 1,200 faces, take .6 of it at most, and its
 /// stretching by half takes twice of it.
 const SPREAD: f64 = 4.0;
 
