@@ -174,3 +174,26 @@ fn sparse_factors_of_the_space_give_the_same_field() {
         assert!(off < 2e-3 * size, "{hold:?} {off} of {size}");
     }
 }
+
+#[test]
+fn beside_an_alignment_fields_without_energy_are_bounded_and_small_weights_tend_to_none() {
+    let s = set_up();
+    let weights = EnergyWeights::default();
+    let target = vec![0.0; 2 * s.surface.faces()];
+    let alignment =
+        std::sync::Arc::new(s.model.alignment(&s.basis, s.surface.frames().areas(), &target, None).unwrap());
+    for hold in [Hold::Strength(1.0), Hold::Exact, Hold::Weight(50.0)] {
+        let constraints = [stroke(s.far, [1.0, 0.3], hold)];
+        let without = s.model.weighted(weights, None).unwrap().solve(&s.basis, &constraints).unwrap();
+        for weight in [1e-6, 1e-3, 1.0] {
+            let weighted = s.model.weighted(weights, Some((alignment.clone(), weight))).unwrap();
+            let design = weighted.solve(&s.basis, &constraints).unwrap();
+            assert!(length_of_idle(&s, &design) < 1.0001 * MOST * 1f64.hypot(0.3), "{hold:?} {weight}");
+            if weight == 1e-6 {
+                let size = without.ritz.iter().map(|z| z * z).sum::<f64>().sqrt();
+                let off = without.ritz.iter().zip(&design.ritz).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+                assert!(off < 1e-3 * size, "{hold:?} {off} of {size}");
+            }
+        }
+    }
+}

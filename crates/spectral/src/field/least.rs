@@ -111,6 +111,7 @@ impl FullSpace {
         design: &Design,
         monitor: &dyn Monitor,
     ) -> Result<Option<Refined>, RefineError> {
+        Self::check_bound(weighted, basis, constraints, design)?;
         self.least_with(weighted, basis, constraints, Some(design), monitor)
     }
 

@@ -18,7 +18,7 @@ use super::kernel::Kernel;
 use super::refine_pulls::Pulls;
 use super::refine_response::{FullOperator, Response, add, dot};
 use super::surface::FieldSurface;
-use super::weighted::WeightedModel;
+use super::weighted::{WeightedModel, norm};
 use crate::basis::FieldBasis;
 use crate::operator::OperatorError;
 use crate::operator::hodge::FieldBoundary;
@@ -232,9 +232,24 @@ impl FullSpace {
     ) -> Result<Refined, RefineError> {
         Self::check_tolerance(tolerance)?;
         self.check(weighted, basis)?;
+        Self::check_bound(weighted, basis, constraints, design)?;
         match &self.inner {
             Inner::Two(whole) => whole.refine(weighted, basis, constraints, design, tolerance, monitor),
             Inner::Three(whole) => whole.refine(weighted, basis, constraints, design, tolerance, monitor),
+        }
+    }
+
+    /// Beside alignments the whole surface does not know what has no energy of its own.
+    pub(super) fn check_bound(
+        weighted: &WeightedModel,
+        basis: &FieldBasis,
+        constraints: &[Constraint],
+        design: &Design,
+    ) -> Result<(), RefineError> {
+        let asked = constraints.iter().map(|c| norm(&c.value)).fold(0.0, f64::max);
+        match weighted.is_bounded(&design.ritz, asked, basis.space.block()) {
+            Some(times) if asked > 0.0 => Err(RefineError::Unbounded { times }),
+            _ => Ok(()),
         }
     }
 

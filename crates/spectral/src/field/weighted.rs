@@ -351,7 +351,8 @@ impl WeightedModel {
         let found = Pull { force: Vec::new(), field: model.project(&image), laplacian: None };
         let idle: Vec<f64> = self.kernel.iter().map(|&k| found.field[k]).collect();
         let asked = own.iter().map(|c| norm(&c.value)).fold(0.0, f64::max);
-        if norm(&idle) > LONGEST_IDLE * asked {
+        let held = self.is_bounded(&found.field, asked, basis.space.block()).is_some();
+        if norm(&idle) > LONGEST_IDLE * asked || held {
             // Too much of what costs nothing: one system of all constraints bounds it.
             return Ok(None);
         }
@@ -428,7 +429,11 @@ impl WeightedModel {
         }
         let kernel = self.free(conditions);
         let before = (kernel.count() == 0 && !self.is_held() && self.pencil.is_some()).then(|| found.clone());
+        let start = self.is_held().then(|| found.clone());
         self.satisfy_with(basis, (rows, kernel), conditions, b, found)?;
+        if let Some(start) = start {
+            return self.shorten(rows, conditions, b, &start, found);
+        }
         if let Some(before) = before
             && let Some(idle) = self.too_long(conditions, &found.field)
         {
