@@ -443,11 +443,6 @@ impl WeightedModel {
         Ok(())
     }
 
-    /// Whether something but the energies holds fields.
-    fn is_held(&self) -> bool {
-        self.prescription.is_some() || !self.alignments.is_empty()
-    }
-
     fn satisfy_with(
         &self,
         basis: &FieldBasis,

@@ -21,6 +21,11 @@ fn asked_by(alignment: &Alignment, b: usize) -> f64 {
 }
 
 impl WeightedModel {
+    /// Whether something but the energies holds fields.
+    pub(super) fn is_held(&self) -> bool {
+        self.prescription.is_some() || !self.alignments.is_empty()
+    }
+
     /// The fields of next to no energy, where a sparse factor was solved with that does not know them, and where there
     /// is more of them in a field than conditions may ask for. They are looked for where the field is as long as that.
     pub(super) fn too_long(&self, conditions: &[Condition], field: &[f64]) -> Option<&[Idle]> {
