@@ -130,6 +130,7 @@ pub fn mode_gradient(
     let norms = dual_norms(&derivatives, &masses, problem.area);
     let single = loss.functions.values().iter().all(|&value| f64::from(value as f32) == value);
     let rounding = if single { SINGLE_ROUNDING } else { ROUNDING };
+    // Where the spectrum has no kernel that can be told, no eigenvalue counts as one that stays zero.
     let kernel = kernel_size(&basis.eigenvalues).unwrap_or(0);
     let (stiff, massive) = combinations((&basis.eigenvalues, loss.values, kernel), &products, (&norms, rounding))?;
     let combined =
