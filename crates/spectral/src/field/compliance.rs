@@ -2,7 +2,7 @@
 
 use chladni_algebra::DenseMatrix;
 
-use super::constraints::{Condition, Slack};
+use super::constraints::{Condition, Slack, values_of};
 use super::slack::{self, Yield};
 
 /// Constraints without repetitions, and what a reduced space has them move by.
@@ -25,7 +25,7 @@ impl Compliance {
         let slacks = slacks(&moved, conditions, b).into_iter().enumerate();
         let slacks = slacks.map(|(i, slack)| if hard(&conditions[i / b]) { 0.0 } else { slack }).collect();
         let faces = conditions.iter().map(|c| c.face).collect();
-        let values = conditions.iter().flat_map(|c| c.value.into_iter().take(b)).collect();
+        let values = values_of(conditions, b);
         let strength = |(at, condition): (usize, &Condition)| match condition.slack {
             Slack::Own(share) => Some((at, share)),
             Slack::Weight(_) | Slack::Share(_) => None,

@@ -52,6 +52,11 @@ pub(super) fn without_repetitions(constraints: &[Constraint]) -> Vec<usize> {
 /// What hard constraints may give way, as a share of what a unit pull moves them by: what rounding needs and no more.
 pub(super) const HARD: f64 = 1e-12;
 
+/// The numbers that conditions ask for, `b` of each.
+pub(super) fn values_of(conditions: &[Condition], b: usize) -> Vec<f64> {
+    conditions.iter().flat_map(|condition| condition.value.into_iter().take(b)).collect()
+}
+
 /// By what the share is divided that a condition may be missed by.
 const HARDER: f64 = 10.0;
 

@@ -23,6 +23,7 @@ use crate::basis::{FieldBasis, FieldMisfit, RitzFields};
 use crate::operator::frames::Complex64;
 use crate::operator::transport::FieldKind;
 
+use super::idle_parts::{FaceComponents, IdlePart};
 use super::pencil::Pencil;
 
 /// The largest dimension that gets Ritz coordinates: the eigenproblem of the set-up is dense, `O(d³)`.
@@ -137,17 +138,30 @@ pub struct DesignModel {
     /// The restricted matrices, where they are known.
     pub(super) pencil: Option<Arc<Pencil>>,
     pub(super) bending: Bending,
+    /// The components of the surface, where they are known.
+    pub(super) components: Option<Arc<FaceComponents>>,
+    /// Fields without energy by component.
+    pub(super) idle_parts: OnceOfModel<Vec<IdlePart>>,
 }
 
-/// `S̄ M̄⁻¹ S̄`, dense, once it was needed. It follows from the space, and tells no models apart.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Bending(Arc<OnceLock<DenseMatrix>>);
+/// What follows from the space and the surface, once it was needed. It tells no models apart.
+#[derive(Debug, Clone)]
+pub(super) struct OnceOfModel<T>(pub Arc<OnceLock<T>>);
 
-impl PartialEq for Bending {
+impl<T> Default for OnceOfModel<T> {
+    fn default() -> Self {
+        Self(Arc::default())
+    }
+}
+
+impl<T> PartialEq for OnceOfModel<T> {
     fn eq(&self, _: &Self) -> bool {
         true
     }
 }
+
+/// `S̄ M̄⁻¹ S̄`, dense.
+pub(super) type Bending = OnceOfModel<DenseMatrix>;
 
 impl Bending {
     /// It is computed once; `O(d³)`.
@@ -267,7 +281,7 @@ impl DesignModel {
         }
         let values = pairs.values.into_iter().map(|v| v.max(0.0)).collect();
         let ritz = Arc::new(RitzFields { values, vectors: rows });
-        Ok(Self { kind: basis.kind, dimension: d, ritz, pencil: None, bending: Bending::default() })
+        Ok(Self::of(basis.kind, d, ritz, None))
     }
 
     /// A model without Ritz coordinates, for spaces of any size: ready at once, but every choice of weights takes a
@@ -276,14 +290,26 @@ impl DesignModel {
         let d = basis.stiffness.rows();
         let ritz = Arc::new(RitzFields { values: Vec::new(), vectors: Vec::new() });
         let pencil = Some(Arc::new(Pencil::new(basis)));
-        Self { kind: basis.kind, dimension: d, ritz, pencil, bending: Bending::default() }
+        Self::of(basis.kind, d, ritz, pencil)
     }
 
     /// A model from eigenpairs that were computed before. `None` unless they are `d × d`.
     pub fn from_ritz(kind: FieldKind, ritz: Arc<RitzFields>) -> Option<Self> {
         let d = ritz.values.len();
         let square = d.checked_mul(d) == Some(ritz.vectors.len());
-        square.then_some(Self { kind, dimension: d, ritz, pencil: None, bending: Bending::default() })
+        square.then(|| Self::of(kind, d, ritz, None))
+    }
+
+    fn of(kind: FieldKind, dimension: usize, ritz: Arc<RitzFields>, pencil: Option<Arc<Pencil>>) -> Self {
+        let (bending, idle_parts) = (Bending::default(), OnceOfModel::default());
+        Self { kind, dimension, ritz, pencil, bending, components: None, idle_parts }
+    }
+
+    /// The same with the components of its surface: what is asked for on one then bounds fields without energy on that
+    /// one alone ([`WeightedModel::solve`](super::WeightedModel::solve)).
+    #[must_use]
+    pub fn with_components(self, components: Arc<FaceComponents>) -> Self {
+        Self { components: Some(components), idle_parts: OnceOfModel::default(), ..self }
     }
 
     /// The eigenpairs that the model is made of; none in a space without Ritz coordinates.

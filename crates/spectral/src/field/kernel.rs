@@ -11,6 +11,7 @@ use chladni_base::{Monitor, SplitMix64, Unwatched};
 
 use super::design::DesignError;
 use super::direct::{Direct, ShiftedFactor};
+use super::idle_parts::{IdlePart, Parts};
 use super::refine::{FullSpace, Inner, RefineError};
 use super::refine_response::{FullOperator, IDLE, Sum, add, dot, product};
 use super::weighted::WeightedModel;
@@ -137,6 +138,19 @@ impl Kernel {
         components.dedup();
         let own = |component: usize| (0..self.counts[component]).map(move |slot| Own { component, slot });
         components.into_iter().flat_map(own).collect()
+    }
+
+    /// Some of them by component, beside conditions on faces; `mass` is that of all faces.
+    pub fn parts(&self, own: &[Own], mass: &[f64], faces: &[u32]) -> Parts<'static> {
+        let components: Vec<usize> = own.iter().map(|one| one.component).collect();
+        let shares = (self.components.count() > 1).then(|| {
+            let mut shares = vec![0.0; self.components.count()];
+            self.components.of.iter().zip(mass).for_each(|(&own, mass)| shares[own as usize] += mass);
+            let all: f64 = shares.iter().sum();
+            shares.into_iter().map(|share| share / all).collect::<Vec<f64>>()
+        });
+        let of = faces.iter().map(|&face| self.component(face) as u32).collect();
+        Parts::on(IdlePart::of_components(&components, shares.as_deref()), of)
     }
 
     /// The component of a face.

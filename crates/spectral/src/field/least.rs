@@ -13,6 +13,7 @@ use chladni_base::parallel::*;
 
 use super::design::{Constraint, Design, DesignError};
 use super::direct::{Direct, IdleSolves, ShiftedFactor};
+use super::idle_parts::Parts;
 use super::kernel::{Kernel, Own};
 use super::refine::{FullSpace, Inner, RefineError, Refined};
 use super::refine_response::{FullOperator, Response, Sum, add};
@@ -111,6 +112,7 @@ impl FullSpace {
         design: &Design,
         monitor: &dyn Monitor,
     ) -> Result<Option<Refined>, RefineError> {
+        Self::check_bound(weighted, basis, constraints, design)?;
         self.least_with(weighted, basis, constraints, Some(design), monitor)
     }
 
@@ -245,9 +247,13 @@ impl<const B: usize> FullOperator<B> {
             let wanted = conditions.iter().flat_map(|condition| &condition.value[..B]);
             let wanted = wanted.fold(0.0f64, |most, value| most.max(value.abs()));
             let mut pulls = vec![0.0; size];
-            let mut yielding = None;
+            let parts = match kernel {
+                Some(kernel) => kernel.parts(&idle.own, &self.mass, &faces),
+                None => Parts::on(Vec::new(), Vec::new()),
+            };
+            let mut yielding = Vec::new();
             for step in 0.. {
-                let (y, amounts) = system.pulls(&right, &conditions, B, &mut yielding)?;
+                let (y, amounts) = system.pulls(&right, &conditions, (B, &parts), &mut yielding)?;
                 let (mut own, scale) = answer(&y);
                 kernel.iter().for_each(|kernel| kernel.take_out(self, &mut own));
                 add(&mut field, &own, scale);
@@ -474,8 +480,8 @@ impl System {
         &self,
         right: &DenseMatrix,
         conditions: &[super::constraints::Condition],
-        b: usize,
-        yielding: &mut Option<f64>,
+        (b, parts): (usize, &Parts<'_>),
+        yielding: &mut Vec<f64>,
     ) -> Result<(Vec<f64>, Vec<f64>), DesignError> {
         let mut solutions = right.clone();
         self.factor.solve(&mut solutions).map_err(DesignError::Factor)?;
@@ -484,7 +490,7 @@ impl System {
         if right.columns() == 1 {
             return Ok((y, Vec::new()));
         }
-        let shares = self.shares_of_kernel(right, &solutions, b, yielding)?;
+        let shares = self.shares_of_kernel(right, &solutions, (b, parts), yielding)?;
         for (j, amount) in shares.taken.iter().enumerate() {
             y.iter_mut().zip(solutions.column(1 + j)).for_each(|(y, t)| *y -= amount * t);
         }

@@ -19,6 +19,7 @@ mod harmonic;
 mod heat;
 mod hierarchy;
 mod idle;
+mod idle_parts;
 mod kernel;
 #[cfg(test)]
 mod kernel_tests;
@@ -75,6 +76,7 @@ pub use drawing::{
 pub use eigenfields::{EigenfieldGoal, LowestFields, WholeField};
 pub use harmonic::{HarmonicError, MOST_HARMONIC, harmonic_fields};
 pub use heat::FieldHeat;
+pub use idle_parts::FaceComponents;
 pub use local::LocalEigenfields;
 pub use poisson::PoissonError;
 pub use prescribed::{Prescribed, PrescribedError, PrescribedField};

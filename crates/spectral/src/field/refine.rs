@@ -232,9 +232,23 @@ impl FullSpace {
     ) -> Result<Refined, RefineError> {
         Self::check_tolerance(tolerance)?;
         self.check(weighted, basis)?;
+        Self::check_bound(weighted, basis, constraints, design)?;
         match &self.inner {
             Inner::Two(whole) => whole.refine(weighted, basis, constraints, design, tolerance, monitor),
             Inner::Three(whole) => whole.refine(weighted, basis, constraints, design, tolerance, monitor),
+        }
+    }
+
+    /// Beside alignments the whole surface does not know what has no energy of its own.
+    pub(super) fn check_bound(
+        weighted: &WeightedModel,
+        basis: &FieldBasis,
+        constraints: &[Constraint],
+        design: &Design,
+    ) -> Result<(), RefineError> {
+        match weighted.is_bounded(basis, &weighted.conditions(basis, constraints)?, design) {
+            Some(times) => Err(RefineError::Unbounded { times }),
+            None => Ok(()),
         }
     }
 

@@ -12,7 +12,7 @@ use super::design::DesignError;
 use super::kernel::Own;
 use super::refine::RefineError;
 use super::refine_response::{FullOperator, Response, add};
-use super::weighted::{LONGEST_IDLE, longest, norm};
+use super::weighted::LONGEST_IDLE;
 
 /// Steps on the pulls at most.
 const MOST_STEPS: usize = 200;
@@ -294,11 +294,14 @@ impl<'a, const B: usize> Pulls<'a, B> {
             size = next;
             direction.iter_mut().zip(&scaled).for_each(|(d, z)| *d = z + keep * *d);
         }
-        let (length, asked) = (norm(&amounts), longest(&self.compliance.values, B));
-        if length > LONGEST_IDLE * asked {
-            return Err(RefineError::Unbounded { times: length / asked });
+        if let Some(kernel) = self.response.kernel() {
+            let parts = kernel.parts(&self.loose, self.response.masses(), &self.compliance.faces);
+            let times = parts.times_asked(&amounts, &self.compliance.values, B);
+            if times > LONGEST_IDLE {
+                return Err(RefineError::Unbounded { times });
+            }
+            kernel.add_to::<B>(&self.loose, &amounts, &mut self.field);
         }
-        self.response.kernel().iter().for_each(|own| own.add_to::<B>(&self.loose, &amounts, &mut self.field));
         Ok(())
     }
 }

@@ -364,6 +364,11 @@ impl<'a, const B: usize> Response<'a, B> {
         self.kernel
     }
 
+    /// The mass of each face.
+    pub fn masses(&self) -> &'a [f64] {
+        &self.whole.mass
+    }
+
     /// `K⁻¹ f`, to a tolerance relative to its size in the norm of the energy.
     pub fn apply(&self, f: &[f64], tolerance: f64, monitor: &dyn Monitor) -> Result<Vec<f64>, RefineError> {
         let mut force = f.to_vec();

@@ -2,6 +2,7 @@
 
 mod bounded;
 mod halves;
+mod measured;
 mod multipliers;
 mod whole;
 
@@ -17,11 +18,12 @@ use super::alignment::{Alignment, Prescription};
 use super::constraints::{Condition, Slack, check, conditions, near, residuals, without_repetitions};
 use super::design::{Constraint, Design, DesignError, DesignModel, EnergyWeights, MOST_DIMENSIONS, add_row, length};
 use super::idle::{self, Idle, Kernel};
+use super::idle_parts::IdlePart;
 use super::many::{Many, Setting};
 use super::nearby::Nearby;
 use super::pencil::{Pencil, Sum, floor};
 
-pub(super) use multipliers::{LONGEST_IDLE, System, longest, norm};
+pub(super) use multipliers::{LONGEST_IDLE, System};
 
 /// Ritz values below this share of the largest count as zero, or below so much on unit area: a space that has fields
 /// without energy alone has no other values than what rounding leaves of these.
@@ -60,8 +62,9 @@ pub struct WeightedModel {
     turned: Option<[Pull; 2]>,
     /// Ritz coordinates of no energy.
     kernel: Vec<usize>,
-    /// Fields of next to no energy, where the inverse is a sparse factor: found when they are needed.
+    /// Fields of next to no energy, where the inverse is a sparse factor: found when they are needed, and by component.
     idle: OnceLock<Vec<Idle>>,
+    idle_parts: OnceLock<Vec<IdlePart>>,
     /// What those cost to be left out of halves of solves.
     idle_halves: OnceLock<halves::IdleHalves>,
     many: Many,
@@ -163,6 +166,7 @@ impl DesignModel {
             turned,
             kernel,
             idle: OnceLock::new(),
+            idle_parts: OnceLock::new(),
             idle_halves: OnceLock::new(),
             many: Many::default(),
         })
@@ -289,14 +293,14 @@ impl WeightedModel {
         };
         let mut rows = self.rows(basis, &conditions);
         let mut found = start.clone();
-        self.satisfy(basis, &rows, &conditions, b, &mut found)?;
+        self.satisfy(basis, &rows, &conditions, &mut found)?;
         if let (Some(turn), Some((prescription, _))) = (turn, &self.prescription) {
             let own = conditions.len();
             conditions.extend(self.around(basis, prescription, turn, &found.field));
             rows = self.rows(basis, &conditions);
             for _ in 0..ROUNDS {
                 found = start.clone();
-                self.satisfy(basis, &rows, &conditions, b, &mut found)?;
+                self.satisfy(basis, &rows, &conditions, &mut found)?;
                 let mut at = own;
                 let mut met = true;
                 for fan in prescription.field.fans() {
@@ -349,9 +353,7 @@ impl WeightedModel {
         let residuals = residuals(kept, constraints, basis.space.block(), |at, i| reached[at][i]);
         let image = basis.mass.multiply(&field);
         let found = Pull { force: Vec::new(), field: model.project(&image), laplacian: None };
-        let idle: Vec<f64> = self.kernel.iter().map(|&k| found.field[k]).collect();
-        let asked = own.iter().map(|c| norm(&c.value)).fold(0.0, f64::max);
-        if norm(&idle) > LONGEST_IDLE * asked {
+        if self.exceeds(basis, &conditions(kept, constraints), &found.field) {
             // Too much of what costs nothing: one system of all constraints bounds it.
             return Ok(None);
         }
@@ -420,27 +422,26 @@ impl WeightedModel {
         basis: &FieldBasis,
         rows: &DenseMatrix,
         conditions: &[Condition],
-        b: usize,
         found: &mut Pull,
     ) -> Result<(), DesignError> {
         if conditions.is_empty() {
             return Ok(());
         }
         let kernel = self.free(conditions);
-        let before = (kernel.count() == 0 && !self.is_held() && self.pencil.is_some()).then(|| found.clone());
-        self.satisfy_with(basis, (rows, kernel), conditions, b, found)?;
+        if self.is_held() {
+            let start = found.clone();
+            self.satisfy_with(basis, (rows, kernel), conditions, found)?;
+            return self.shorten(basis, (rows, conditions), &start, found);
+        }
+        let before = (kernel.count() == 0 && self.pencil.is_some()).then(|| found.clone());
+        self.satisfy_with(basis, (rows, kernel), conditions, found)?;
         if let Some(before) = before
-            && let Some(idle) = self.too_long(conditions, &found.field)
+            && let Some(idle) = self.too_long(basis, conditions, &found.field)
         {
             *found = before;
-            self.satisfy_with(basis, (rows, Kernel::Fields(idle)), conditions, b, found)?;
+            self.satisfy_with(basis, (rows, Kernel::Fields(idle)), conditions, found)?;
         }
         Ok(())
-    }
-
-    /// Whether something but the energies holds fields.
-    fn is_held(&self) -> bool {
-        self.prescription.is_some() || !self.alignments.is_empty()
     }
 
     fn satisfy_with(
@@ -448,15 +449,14 @@ impl WeightedModel {
         basis: &FieldBasis,
         (rows, kernel): (&DenseMatrix, Kernel<'_>),
         conditions: &[Condition],
-        b: usize,
         found: &mut Pull,
     ) -> Result<(), DesignError> {
         if let Some(inverse) = self.for_halves(conditions) {
-            return self.satisfy_by_halves((inverse, basis), (rows, kernel), conditions, b, found);
+            return self.satisfy_by_halves((inverse, basis), (rows, kernel), conditions, found);
         }
         let solved = self.moved_by(rows, kernel)?;
         let compliance = self.compliance_of(rows, &solved);
-        let y = self.multipliers(rows, compliance, conditions, (b, kernel), &mut found.field)?;
+        let y = self.multipliers(rows, compliance, conditions, (basis, kernel), &mut found.field)?;
         for (column, &y) in y.iter().enumerate() {
             found.field.iter_mut().zip(solved.column(column)).for_each(|(z, s)| *z += y * s);
             found.force.iter_mut().zip(rows.column(column)).for_each(|(f, r)| *f += y * r);
@@ -498,73 +498,6 @@ impl WeightedModel {
     /// Whether designs stay close to prescribed singularities.
     pub(super) fn is_prescribed(&self) -> bool {
         self.prescription.is_some()
-    }
-
-    /// The design of a field in the coordinates of the inverse; `coefficients` where they are known.
-    fn finish(
-        &self,
-        found: Pull,
-        turn: Option<Complex64>,
-        residuals: Vec<f64>,
-        coefficients: Option<Vec<f32>>,
-    ) -> Result<Design, DesignError> {
-        let (model, own) = (&self.model, &found.field);
-        let product = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
-        let deviation = self.deviation(own, turn);
-        let (coefficients, ritz, harmonic_energy, biharmonic_energy) = match &self.inverse {
-            Inverse::Ritz(_) => {
-                let sum = |power: i32| own.iter().zip(model.values()).map(|(z, v)| v.powi(power) * z * z).sum::<f64>();
-                (coefficients.unwrap_or_else(|| model.expand(own)), own.clone(), sum(1), sum(2))
-            }
-            Inverse::Sparse(inverse) => {
-                let misfit = || DesignError::Length { what: "a field", got: own.len(), wanted: model.dimension() };
-                let pencil = self.pencil.as_ref().ok_or_else(misfit)?;
-                let image = times(&pencil.stiffness, own);
-                let ritz = if model.has_ritz() { model.project(&pencil.mass.multiply(own)) } else { Vec::new() };
-                let biharmonic = match &pencil.full_biharmonic {
-                    Some(full) => product(&full.multiply(own), own),
-                    None => match found.laplacian {
-                        Some(laplacian) => product(&laplacian, &image),
-                        None => inverse.laplacian(&found.force, own, &image).map_or(0.0, |y| product(&y, &image)),
-                    },
-                };
-                (own.iter().map(|&v| v as f32).collect(), ritz, product(&image, own), biharmonic)
-            }
-        };
-        Ok(Design {
-            coefficients,
-            ritz,
-            harmonic_energy,
-            biharmonic_energy,
-            alignment_energy: deviation,
-            residuals,
-            turn,
-        })
-    }
-
-    /// How far a field is from those that it is to stay close to.
-    fn deviation(&self, own: &[f64], turn: Option<Complex64>) -> Option<f64> {
-        let product = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
-        let ritz = matches!(self.inverse, Inverse::Ritz(_));
-        let target = |field: &Alignment| product(own, if ritz { &field.projected } else { &field.reduced });
-        let square = |gram: Option<&SparseMatrix>| match gram {
-            None if ritz => product(own, own),
-            gram => {
-                let mass = gram.or(self.pencil.as_ref().map(|pencil| &pencil.mass));
-                mass.map_or(0.0, |mass| product(&mass.multiply(own), own))
-            }
-        };
-        let mut sum = None;
-        for (field, _) in &self.alignments {
-            let one = square(field.gram.as_deref()) - 2.0 * target(field) + field.constant;
-            sum = Some(sum.unwrap_or(0.0) + one.max(0.0));
-        }
-        if let (Some((p, _)), Some(turn)) = (&self.prescription, turn) {
-            let mixed = turn.re * target(&p.along) + turn.im * target(&p.across);
-            let one = square(None) - 2.0 * mixed + p.along.constant;
-            sum = Some(sum.unwrap_or(0.0) + one.max(0.0));
-        }
-        sum
     }
 
     /// About the bytes that it takes beside the model, without what it keeps of many constraints.

@@ -9,9 +9,9 @@ use chladni_mesh::nearest::FaceHierarchy;
 use chladni_mesh::sample::farthest_points;
 use chladni_spectral::basis::{FieldBasis, FieldMisfit, StoredFields};
 use chladni_spectral::field::{
-    Alignment, Constraint, Design, DesignError, DesignModel, EnergyWeights, FieldSurface, FullSpace, Hold, Matching,
-    Prescribed, PrescribedField, Prescription, RefineError, Refined, USUAL_ROOM, WeightedModel, full_biharmonic,
-    most_factored_faces,
+    Alignment, Constraint, Design, DesignError, DesignModel, EnergyWeights, FaceComponents, FieldSurface, FullSpace,
+    Hold, Matching, Prescribed, PrescribedField, Prescription, RefineError, Refined, USUAL_ROOM, WeightedModel,
+    full_biharmonic, most_factored_faces,
 };
 use chladni_spectral::operator::transport::FieldKind;
 
@@ -42,6 +42,8 @@ pub struct Surface {
     pub tree: FaceHierarchy,
     /// The diagonal of the box around the mesh: points further away than that are not meant for this surface.
     pub reach: f64,
+    /// Its components.
+    pub components: Arc<FaceComponents>,
 }
 
 impl Surface {
@@ -57,12 +59,14 @@ impl Surface {
             high - low
         };
         let reach = (0..3).map(|i| extent(i).powi(2)).sum::<f64>().sqrt();
-        Ok(Self { surface: FieldSurface::new(mesh.clone())?, tree, reach })
+        let surface = FieldSurface::new(mesh.clone())?;
+        let components = Arc::new(FaceComponents::new(&surface));
+        Ok(Self { surface, tree, reach, components })
     }
 
     /// About the bytes that it takes.
     pub fn bytes(&self) -> u64 {
-        BYTES_PER_FACE * self.surface.faces() as u64 + self.tree.bytes()
+        BYTES_PER_FACE * self.surface.faces() as u64 + self.tree.bytes() + self.components.bytes()
     }
 }
 
@@ -167,7 +171,8 @@ impl Setting {
     pub fn model(&self) -> DesignModel {
         let ritz = self.fields.ritz.clone();
         let model = ritz.and_then(|ritz| DesignModel::from_ritz(self.kind(), ritz));
-        model.unwrap_or_else(|| DesignModel::sparse(&self.fields.basis))
+        let model = model.unwrap_or_else(|| DesignModel::sparse(&self.fields.basis));
+        model.with_components(self.surface.components.clone())
     }
 
     /// The model whose biharmonic energy is that of the whole mesh, with about the bytes that it takes.

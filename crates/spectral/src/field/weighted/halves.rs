@@ -48,9 +48,9 @@ impl WeightedModel {
         (inverse, basis): (&SparseInverse, &FieldBasis),
         (rows, kernel): (&DenseMatrix, Kernel<'_>),
         conditions: &[Condition],
-        b: usize,
         found: &mut Pull,
     ) -> Result<(), DesignError> {
+        let b = basis.space.block();
         let faces: Vec<u32> = conditions.iter().map(|condition| condition.face).collect();
         let halves = inverse.halves_of_faces(&faces, |face| {
             let mut entries = Vec::new();
@@ -94,7 +94,7 @@ impl WeightedModel {
                 }
             }
         }
-        let y = self.multipliers(rows, compliance, conditions, (b, kernel), &mut found.field)?;
+        let y = self.multipliers(rows, compliance, conditions, (basis, kernel), &mut found.field)?;
         let mut half = inverse.no_half();
         halves.iter().zip(y.chunks_exact(b)).for_each(|(own, y)| own.add_to(y, &mut half));
         for (k, idle) in own.halves.iter().enumerate() {

@@ -7,7 +7,9 @@ use super::super::compliance::{mean_of_diagonal, slacks};
 use super::super::constraints::{Condition, HARD, Slack};
 use super::super::design::DesignError;
 use super::super::idle::Kernel;
+use super::super::idle_parts::{Parts, norm};
 use super::{Inverse, WeightedModel};
+use crate::basis::FieldBasis;
 
 /// Steps that take back, where it matters, what hard constraints give way.
 const REFINEMENTS: usize = 2;
@@ -48,9 +50,10 @@ impl WeightedModel {
         rows: &DenseMatrix,
         compliance: DenseMatrix,
         conditions: &[Condition],
-        (b, kernel): (usize, Kernel<'_>),
+        (basis, kernel): (&FieldBasis, Kernel<'_>),
         z: &mut [f64],
     ) -> Result<Vec<f64>, DesignError> {
+        let b = basis.space.block();
         let right = right_hand_sides(rows, conditions, (b, kernel), z);
         let most = match &self.inverse {
             Inverse::Ritz(diagonal) => diagonal.iter().fold(0.0f64, |most, &d| most.max(d)),
@@ -64,7 +67,8 @@ impl WeightedModel {
             system.refine(right.column(0), conditions, b, &mut y)?;
         }
         if kernel.count() > 0 {
-            let shares = system.shares_of_kernel(&right, &solutions, b, &mut None)?;
+            let parts = self.parts(basis, kernel, conditions);
+            let shares = system.shares_of_kernel(&right, &solutions, (b, &parts), &mut Vec::new())?;
             for (j, (&amount, &taken)) in shares.amounts.iter().zip(&shares.taken).enumerate() {
                 kernel.add(j, amount, z);
                 y.iter_mut().zip(solutions.column(1 + j)).for_each(|(y, t)| *y -= taken * t);
@@ -207,46 +211,43 @@ fn right_hand_sides(
 }
 
 impl System {
-    /// How much of each field of the kernel there is; where constraints do not say, as little as possible, and no more
-    /// than [`LONGEST_IDLE`] allows. Whether that is so is told by the first of several steps and kept in `yielding`,
-    /// by how much these fields give way then.
+    /// How much of each field of the kernel there is; where constraints do not say, as little as possible, and on no
+    /// component more than [`LONGEST_IDLE`] allows. Whether that is so is told by the first of several steps and kept
+    /// in `yielding`, by how much the fields of each component give way then.
     pub(in super::super) fn shares_of_kernel(
         &self,
         right: &DenseMatrix,
         solutions: &DenseMatrix,
-        b: usize,
-        yielding: &mut Option<f64>,
+        (b, parts): (usize, &Parts<'_>),
+        yielding: &mut Vec<f64>,
     ) -> Result<Shares, DesignError> {
         let free = right.columns() - 1;
-        let products = right.transposed_times(solutions);
-        if yielding.is_none() {
+        let first = yielding.is_empty();
+        let mut all = Shares { amounts: vec![0.0; free], taken: vec![0.0; free] };
+        if free == 0 {
+            return Ok(all);
+        }
+        for (at, part) in parts.list.iter().enumerate() {
+            if !parts.has_conditions(part) {
+                yielding.extend(first.then_some(f64::INFINITY));
+                continue;
+            }
+            let products = part.mixed(right).transposed_times(&part.mixed(solutions));
             let amounts = amounts_of_kernel(&products)?;
-            let most = LONGEST_IDLE * longest(right.column(0), b);
-            if norm(&amounts) <= most {
-                *yielding = Some(f64::INFINITY);
-                return Ok(Shares { taken: amounts.clone(), amounts });
+            if first {
+                let most = LONGEST_IDLE * part.unit * parts.asked(part, right.column(0), b);
+                let bounded = norm(&amounts) > most;
+                yielding.push(if bounded { Mixture::of(&products)?.yielding(self.held, most) } else { f64::INFINITY });
             }
-            let own = Mixture::of(&products)?;
-            *yielding = Some(own.yielding(self.held, most));
+            let own = match yielding[at] {
+                yielding if yielding.is_finite() => Mixture::of(&products)?.shares(self.held, yielding),
+                _ => Shares { taken: amounts.clone(), amounts },
+            };
+            part.add_to(&own.amounts, &mut all.amounts);
+            part.add_to(&own.taken, &mut all.taken);
         }
-        match *yielding {
-            Some(yielding) if yielding.is_finite() => Ok(Mixture::of(&products)?.shares(self.held, yielding)),
-            _ if free == 0 => Ok(Shares { amounts: Vec::new(), taken: Vec::new() }),
-            _ => {
-                let amounts = amounts_of_kernel(&products)?;
-                Ok(Shares { taken: amounts.clone(), amounts })
-            }
-        }
+        Ok(all)
     }
-}
-
-/// The length of the longest of some values of `b` numbers.
-pub(in super::super) fn longest(values: &[f64], b: usize) -> f64 {
-    values.chunks(b.max(1)).map(norm).fold(0.0, f64::max)
-}
-
-pub(in super::super) fn norm(values: &[f64]) -> f64 {
-    values.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
 /// Fields without energy in mixtures that the system has nothing in common for: with `S' = S + c N Nᵀ`, `Nᵀ S'⁻¹ N` is
