@@ -11,7 +11,7 @@ use chladni_base::Unwatched;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::write::{PlyPrecision, SurfaceFormat};
 use chladni_spectral::analysis::filter::{Transfer, filter};
-use chladni_work::design::{DesignRequest, Form, MatchedFaces, written, written_at};
+use chladni_work::design::{DesignFault, DesignRequest, Form, MatchedFaces, written, written_at};
 use chladni_work::distances::{DistanceFault, DistanceRequest, Distances, MeshDistances};
 use chladni_work::projection::coordinates;
 use chladni_work::table::Table;
@@ -242,9 +242,9 @@ pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
     let (setting, to) = arguments.stored.fields()?;
     let vertices = setting.surface.surface.mesh().positions.len();
     request.translate(&to, setting.kind(), vertices).map_err(refused)?;
-    let designed = setting.design(&request, &Unwatched).map_err(refused)?;
-    let sampled =
-        request.faces.as_ref().map(|wanted| setting.faces(wanted, &Unwatched)).transpose().map_err(refused)?;
+    let told = |fault: DesignFault| refused(fault.numbered(&to));
+    let designed = setting.design(&request, &Unwatched).map_err(told)?;
+    let sampled = request.faces.as_ref().map(|wanted| setting.faces(wanted, &Unwatched)).transpose().map_err(told)?;
     let file_faces = |faces: &Vec<u32>| faces.iter().map(|&face| to.file_face(face)).collect::<Vec<_>>();
     let field_faces = sampled.as_ref().map(file_faces);
     let matching = designed.exact.as_ref().map(|exact| MatchedFaces::in_file_faces(&exact.matching, &to));

@@ -244,6 +244,7 @@ async fn save(
     }
     let loaded = LoadedBasis::load(&state, id).await?;
     let to = numbered.on_basis(&state, id, &loaded.fields.metadata).await?;
+    let loaded = loaded.numbered(&to);
     design.translate(&to, loaded.kind(), loaded.vertices())?;
     let designed = solve::design(&state, &loaded, &design).await?;
     let (kind, mesh) = (loaded.kind(), loaded.mesh.clone());
