@@ -8,8 +8,8 @@ use chladni_mesh::numbering::Translation;
 use chladni_spectral::basis::ProductKind;
 use chladni_spectral::field::{DesignModel, FullSpace};
 use chladni_work::design::{
-    AlignmentRequest, DesignFault, DesignRequest, Designed, FacesRequest, FieldSource, FieldTable, Goal, Lifted, NamedTarget,
-    NamedWeights, PerFace, ReferencedFields, Setting, Target, numerators,
+    AlignmentRequest, DesignFault, DesignRequest, Designed, FacesRequest, FieldSource, FieldTable, Goal, Lifted,
+    NamedTarget, NamedWeights, PerFace, ReferencedFields, Setting, Target, numerators,
 };
 use futures_util::future::BoxFuture;
 use uuid::Uuid;

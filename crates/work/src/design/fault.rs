@@ -128,9 +128,7 @@ impl Names<'_> {
             DesignError::Face { constraint, face, faces } => {
                 DesignError::Face { constraint, face: self.face(face), faces }
             }
-            DesignError::Direction { constraint, face } => {
-                DesignError::Direction { constraint, face: self.face(face) }
-            }
+            DesignError::Direction { constraint, face } => DesignError::Direction { constraint, face: self.face(face) },
             DesignError::Contradiction { face } => DesignError::Contradiction { face: self.face(face) },
             DesignError::Dependent { face } => DesignError::Dependent { face: self.face(face) },
             other => other,
