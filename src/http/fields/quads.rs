@@ -214,7 +214,7 @@ impl From<QuadError> for Problem {
             QuadError::Parameter { name, .. } => {
                 Self::within(&problem::INVALID_DESIGN, "quads", text).with("parameter", name)
             }
-            QuadError::Zero { .. } | QuadError::Rounding { .. } | QuadError::Seams { .. } => {
+            QuadError::Zero { .. } | QuadError::Index { .. } | QuadError::Rounding { .. } | QuadError::Seams { .. } => {
                 Self::within(&problem::INVALID_DESIGN, "quads", text)
             }
             QuadError::Factor(FactorError::Promise { .. }) => Self::within(&problem::INVALID_DESIGN, "memory", text),

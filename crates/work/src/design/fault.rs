@@ -168,6 +168,7 @@ impl Names<'_> {
             QuadError::Face { at, face, faces } => QuadError::Face { at, face: self.face(face), faces },
             QuadError::Contradiction { face } => QuadError::Contradiction { face: self.face(face) },
             QuadError::Zero { vertex, index, held } => QuadError::Zero { vertex: self.vertex(vertex), index, held },
+            QuadError::Index { vertex, index } => QuadError::Index { vertex: self.vertex(vertex), index },
             QuadError::Seams { vertex, count } => QuadError::Seams { vertex: self.vertex(vertex), count },
             other => other,
         }

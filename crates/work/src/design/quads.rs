@@ -3,8 +3,8 @@
 use chladni_base::Monitor;
 use chladni_mesh::numbering::Translation;
 use chladni_spectral::field::quad::{
-    Combed, CrossField, CrossParameters, Parametrisation, ParametrisationParameters, VertexOrder, comb, creases,
-    crowded, parametrise, split, write_matching, write_obj, write_raw_field, write_singularities, write_vtk,
+    Combed, CrossField, CrossParameters, Parametrisation, ParametrisationParameters, QuadError, VertexOrder, comb,
+    creases, crowded, parametrise, split, write_matching, write_obj, write_raw_field, write_singularities, write_vtk,
 };
 use chladni_spectral::field::{FieldSurface, Matching};
 use chladni_spectral::operator::frames::parts;
@@ -360,6 +360,9 @@ impl QuadsRequest {
         monitor: &dyn Monitor,
     ) -> Result<Quads, DesignFault> {
         let combed = comb(surface, &crosses.field, &crosses.matching)?;
+        if let Some(s) = combed.singularities.iter().find(|s| s.numerator >= s.order as i32) {
+            return Err(QuadError::Index { vertex: s.vertex, index: s.index() }.into());
+        }
         monitor.checkpoint()?;
         let spacing = self.spacing.unwrap_or_else(|| surface.frames().area().sqrt() / 30.0);
         if let Some(value) = self.creases.filter(|a| !(*a > 0.0 && *a <= 180.0)) {
