@@ -25,7 +25,7 @@ async fn singularities_that_are_refused_and_matchings_that_are_kept_name_what_th
         let face = case.faces.iter().position(|own| *own == Some(0)).unwrap();
         for (at, words) in [
             (vec![(p.0, 1), (p.0, euler - 1)], format!("at vertex {}.", p.0)),
-            (vec![(q.0, euler), (p.0, 0)], format!("singularity 1 at vertex {} has index 0", p.0)),
+            (vec![(q.0, euler + 5), (p.0, 0)], format!("singularity 1 at vertex {} has index 0", p.0)),
             (vec![(p.0, euler + 1)], format!("component of face {face} add up to {}", euler + 1)),
         ] {
             let refused = app.post(&format!("{dirty}/design")).json(&singular(&at)).send().await.unwrap();
