@@ -11,7 +11,8 @@ use chladni_base::Unwatched;
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::write::{PlyPrecision, SurfaceFormat};
 use chladni_spectral::analysis::filter::{Transfer, filter};
-use chladni_work::design::{DesignRequest, Form, MatchedFaces, written, written_at};
+use chladni_spectral::formats::npz::{self, DesignedField};
+use chladni_work::design::{DesignFault, DesignRequest, ExactField, Form, MatchedFaces, written, written_at};
 use chladni_work::distances::{DistanceFault, DistanceRequest, Distances, MeshDistances};
 use chladni_work::projection::coordinates;
 use chladni_work::table::Table;
@@ -84,8 +85,10 @@ pub struct FilterArguments {
 /// Design a tangential field in a stored space of fields, without a server
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Example:
-  chladni design fields.npz bunny.ply --request '{\"strokes\": [{\"face\": 17, \"direction\": [0, 0, 1]}]}' -o field.npy")]
+Examples:
+  chladni design fields.npz bunny.ply --request '{\"strokes\": [{\"face\": 17, \"direction\": [0, 0, 1]}]}' -o field.npy
+  chladni design crosses.npz torus.ply --request '{\"singularities\": {\"at\": [{\"vertex\": 10, \"index\": 0.25}, {\"vertex\": 300, \"index\": -0.25}], \"exact\": true}}' -o field.npz
+  chladni quads torus.ply --field field.npz -o quads.obj")]
 pub struct DesignArguments {
     #[command(flatten)]
     stored: Stored,
@@ -100,7 +103,9 @@ pub struct DesignArguments {
 
     /// Write the field, a row for each face, to this file, .npy or .csv; without it the coefficients and energies are
     /// printed as JSON. With "faces" in the request, the face of each row is printed as JSON, and with exact
-    /// singularities the pairs of faces between which the field turns by more than half a turn, if there are any
+    /// singularities the pairs of faces between which the field turns by more than half a turn, if there are any. As
+    /// .npz it is an archive of the faces kept after repairs, with these pairs as "matching" and the maps vertex_map
+    /// and face_map: what quads --field goes along
     #[arg(long, short = 'o', value_name = "FILE")]
     output: Option<PathBuf>,
 }
@@ -235,20 +240,39 @@ pub(super) fn surface_format(path: &Path) -> Result<SurfaceFormat, CliError> {
     }
 }
 
+/// What a designed field is written as.
+enum DesignOutput {
+    Table(TableFormat, OutputFile),
+    Archive(OutputFile),
+}
+
+impl DesignOutput {
+    fn probe(path: &Path) -> Result<Self, CliError> {
+        if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("npz")) {
+            return OutputFile::probe(path).map(Self::Archive);
+        }
+        table_file(path).map(|(format, file)| Self::Table(format, file))
+    }
+}
+
 /// Runs `chladni design`.
 pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
     let mut request: DesignRequest = typed("--request", &arguments.request)?;
-    let output = arguments.output.as_deref().map(table_file).transpose()?;
-    let (setting, to) = arguments.stored.fields()?;
+    let output = arguments.output.as_deref().map(DesignOutput::probe).transpose()?;
+    if let (Some(DesignOutput::Archive(_)), Some(_)) = (&output, &request.faces) {
+        let reason = "--output: an archive has all faces; write a table, or leave out faces in the request";
+        return Err(CliError::Usage(reason.to_owned()));
+    }
+    let (setting, to, numbering) = arguments.stored.fields_and_numbering()?;
     let vertices = setting.surface.surface.mesh().positions.len();
     request.translate(&to, setting.kind(), vertices).map_err(refused)?;
-    let designed = setting.design(&request, &Unwatched).map_err(refused)?;
-    let sampled =
-        request.faces.as_ref().map(|wanted| setting.faces(wanted, &Unwatched)).transpose().map_err(refused)?;
+    let told = |fault: DesignFault| refused(fault.numbered(&to));
+    let designed = setting.design(&request, &Unwatched).map_err(told)?;
+    let sampled = request.faces.as_ref().map(|wanted| setting.faces(wanted, &Unwatched)).transpose().map_err(told)?;
     let file_faces = |faces: &Vec<u32>| faces.iter().map(|&face| to.file_face(face)).collect::<Vec<_>>();
     let field_faces = sampled.as_ref().map(file_faces);
     let matching = designed.exact.as_ref().map(|exact| MatchedFaces::in_file_faces(&exact.matching, &to));
-    let Some((format, file)) = output else {
+    let Some(output) = output else {
         let space = if designed.refined.is_some() { "surface" } else { "basis" };
         let design = designed.design;
         return print(&json!({
@@ -266,6 +290,19 @@ pub fn design(arguments: DesignArguments) -> Result<ExitCode, CliError> {
     };
     let (kind, surface) = (setting.kind(), &setting.surface.surface);
     let (form, columns) = (arguments.form, arguments.form.columns(kind));
+    let (format, file) = match output {
+        DesignOutput::Table(format, file) => (format, file),
+        DesignOutput::Archive(file) => {
+            let stored = setting.lifted(&designed).map_err(refused)?;
+            let numbers = written(surface.frames(), kind, form, stored.clone());
+            let pairs = |exact: ExactField| exact.matching.iter().map(|m| (m.faces, m.turns)).collect();
+            let mesh = npz::fingerprint(surface.mesh());
+            let field = DesignedField { mesh, kind, stored, matching: designed.exact.map(pairs) };
+            let of_form = (form.name(), columns, &numbers[..]);
+            file.write(|out| npz::write_designed(&field, of_form, Some(&numbering), out))?;
+            return Ok(ExitCode::SUCCESS);
+        }
+    };
     let numbers = match &sampled {
         None => {
             let field = setting.lifted(&designed).map_err(refused)?;

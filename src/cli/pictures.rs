@@ -77,7 +77,7 @@ pub fn hatching(HatchingArguments { picture: arguments }: HatchingArguments) -> 
     request.field.translate(&to, setting.kind(), vertices(&setting)).map_err(refused)?;
     request.check(png).map_err(refused)?;
     let bars = StageBars::new(arguments.quiet);
-    let field = request.field.lifted(&setting, &bars).map_err(refused)?;
+    let field = request.field.lifted(&setting, &bars).map_err(|fault| refused(fault.numbered(&to)))?;
     let (drawing, lines) = request.drawing(&setting, field, &bars).map_err(refused)?;
     bars.finish();
     let bytes = match png {
@@ -104,7 +104,7 @@ pub fn fur(FurArguments { picture: arguments }: FurArguments) -> Result<ExitCode
     request.translate(&to, setting.kind(), vertices(&setting)).map_err(refused)?;
     request.check(&setting).map_err(refused)?;
     let bars = StageBars::new(arguments.quiet);
-    let field = request.field.lifted(&setting, &bars).map_err(refused)?;
+    let field = request.field.lifted(&setting, &bars).map_err(|fault| refused(fault.numbered(&to)))?;
     let coat = request.coat(&setting, &field, &bars).map_err(refused)?;
     let picture = request.picture(&setting, &coat, &bars).map_err(refused)?;
     bars.finish();

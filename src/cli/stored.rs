@@ -6,7 +6,7 @@ use std::sync::Arc;
 use chladni_base::Unwatched;
 use chladni_mesh::attributes::Attributes;
 use chladni_mesh::check::{CheckedMesh, MeshReport, RepairKind};
-use chladni_mesh::numbering::Translation;
+use chladni_mesh::numbering::{Numbering, Translation};
 use chladni_mesh::solid::CheckedBody;
 use chladni_mesh::{TetMesh, TriangleMesh};
 use chladni_spectral::basis::family::FamilyBasis;
@@ -84,13 +84,19 @@ impl Stored {
 
     /// The basis of fields on its surface, and how the request numbers vertices and faces.
     pub fn fields(&self) -> Result<(Setting, Translation), CliError> {
+        self.fields_and_numbering().map(|(setting, to, _)| (setting, to))
+    }
+
+    /// The same with the numbering of the file.
+    pub fn fields_and_numbering(&self) -> Result<(Setting, Translation, Arc<Numbering>), CliError> {
         let refused = |fault: DesignFault| CliError::Refused(fault.to_string());
         let fields: StoredFields = product(&self.basis, ProductKind::FieldBasis, npz::read_fields)?;
         let checked = self.input.load_body()?.surface;
-        let to = self.numbered.translation(Arc::new(checked.numbering));
+        let numbering = Arc::new(checked.numbering);
+        let to = self.numbered.translation(numbering.clone());
         let surface = Surface::new(&checked.mesh).map_err(refused)?;
         check_own_surface(&fields, &surface.surface, &Unwatched).map_err(|error| CliError::mesh(&self.basis, error))?;
-        Ok((Setting::new(Arc::new(fields), Arc::new(surface)).map_err(refused)?, to))
+        Ok((Setting::new(Arc::new(fields), Arc::new(surface)).map_err(refused)?, to, numbering))
     }
 
     /// Vibration modes, the surface of their object, and how the request numbers vertices.

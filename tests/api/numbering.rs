@@ -5,6 +5,7 @@
 mod covered;
 mod faces;
 mod files;
+mod singular;
 
 use std::collections::BTreeSet;
 use std::fmt::Write;

@@ -141,3 +141,41 @@ fn surfaces_that_are_written_lead_back_to_the_file_and_points_stay_in_their_orde
     let kept = written(&["--numbering", "kept"]);
     assert!(kept != positions && kept.len() == positions.len());
 }
+
+#[test]
+fn a_designed_field_leads_to_quads_with_exactly_its_singular_vertices() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (mesh, places, _) = with_strays(folder.path());
+    let done = |arguments: &[&str]| {
+        let output = chladni(arguments);
+        assert_eq!(code(&output), 0, "{arguments:?}: {}", stderr(&output));
+        output.stdout
+    };
+    let (basis, field) = (path("basis.npz"), path("field.npz"));
+    done(&["field", &mesh, "--field", "n_vector", "--n", "4", "-d", "40", "-q", "-o", &basis]);
+    // So many and so close together that the field turns by more than half a turn between faces.
+    let wanted = [(10, 3), (60, 3), (90, 3), (120, 3), (150, -4)];
+    let at = |of: &dyn Fn(usize) -> usize| {
+        let one =
+            |&(vertex, quarters): &(usize, i32)| json!({"vertex": of(vertex), "index": f64::from(quarters) / 4.0});
+        json!({"singularities": {"at": wanted.iter().map(one).collect::<Vec<_>>(), "exact": true}}).to_string()
+    };
+    let request = at(&|vertex| places[vertex]);
+    let told: Value = serde_json::from_slice(&done(&["design", &basis, &mesh, "--request", &request])).unwrap();
+    assert!(!told["matching"].as_array().unwrap().is_empty());
+    done(&["design", &basis, &mesh, "--request", &request, "-o", &field]);
+    done(&["quads", &mesh, "--field", &field, "--request", r#"{"stiffening": 0}"#, "--directional", &path("quads")]);
+    let singular = std::fs::read_to_string(path("quads.sing")).unwrap();
+    let lines: Vec<String> = singular.lines().skip(1).map(|line| line.trim().to_owned()).collect();
+    assert_eq!(lines, wanted.map(|(vertex, quarters)| format!("{vertex} {quarters}")));
+
+    let twice =
+        json!({"singularities": {"at": [{"vertex": places[5], "index": 1}, {"vertex": places[5], "index": 1}]}});
+    let refused = chladni(&["design", &basis, &mesh, "--request", &twice.to_string()]);
+    assert!(stderr(&refused).contains(&format!("at vertex {}", places[5])), "{}", stderr(&refused));
+    let both = chladni(&["quads", &mesh, "--field", &field, "--request", r#"{"field": {"aligned": {}}}"#]);
+    assert_eq!((code(&both), stderr(&both).contains("a field already")), (2, true), "{}", stderr(&both));
+    let other = chladni(&["quads", super::torus(folder.path()).to_str().unwrap(), "--field", &field]);
+    assert_eq!((code(&other), stderr(&other).contains("on another mesh")), (1, true), "{}", stderr(&other));
+}

@@ -20,7 +20,7 @@ pub struct Table {
 }
 
 /// Numbers, in which null stands for none, straight into one array.
-fn numbers<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
+pub(crate) fn numbers<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
     struct Number(f64);
 
     impl<'de> Deserialize<'de> for Number {

@@ -75,6 +75,7 @@ async fn comb(
     }
     let loaded = LoadedBasis::load(&state, id).await?;
     let to = numbered.on_basis(&state, id, &loaded.fields.metadata).await?;
+    let loaded = loaded.numbered(&to);
     request.translate(&to, loaded.kind(), loaded.vertices())?;
     request.check(&loaded)?;
     let field = solve::lifted(&state, &loaded, &request.field).await?;
@@ -154,6 +155,7 @@ async fn hatch(
     }
     let loaded = LoadedBasis::load(&state, id).await?;
     let to = numbered.on_basis(&state, id, &loaded.fields.metadata).await?;
+    let loaded = loaded.numbered(&to);
     request.field.translate(&to, loaded.kind(), loaded.vertices())?;
     let field = solve::lifted(&state, &loaded, &request.field).await?;
     state

@@ -160,6 +160,7 @@ async fn design(
     let mut request: DesignRequest = read(&state, &headers, content).await?;
     let loaded = LoadedBasis::load(&state, id).await?;
     let to = numbered.on_basis(&state, id, &loaded.fields.metadata).await?;
+    let loaded = loaded.numbered(&to);
     request.translate(&to, loaded.kind(), loaded.vertices())?;
     let form = query.form.or((raw || request.faces.is_some()).then_some(Form::World));
     form.filter(|_| raw).map_or(Ok(()), |form| query.encoding.check(loaded.kind(), form))?;

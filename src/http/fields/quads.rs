@@ -119,13 +119,15 @@ async fn parametrise(
         CrossSource::Basis(wanted) => (of_basis(&state, &id, numbered, wanted).await?, Duration::ZERO),
         CrossSource::Stored(field) => {
             let (kept, own) = (cache::stored_on(&state, field, &id, "field.stored").await?, surface.clone());
-            (state.solve("cross", move |_| Ok(kept.crosses(&own.surface)?)).await?, Duration::ZERO)
+            let names = to.clone();
+            let make = move |_: &dyn Monitor| Ok(kept.crosses(&own.surface).map_err(|fault| fault.numbered(&names))?);
+            (state.solve("cross", make).await?, Duration::ZERO)
         }
         _ => {
-            let (own, field) = (surface.clone(), request.field.clone());
+            let (own, field, names) = (surface.clone(), request.field.clone(), to.clone());
             let make = move |monitor: &dyn Monitor| {
                 let patient = Patience::new(PATIENCE, monitor);
-                let found = field.crosses(&own, &patient).map_err(too_long)?;
+                let found = field.crosses(&own, &patient).map_err(|fault| too_long(fault.numbered(&names)))?;
                 let found = found.ok_or_else(|| Problem::internal("a field of a basis"))?;
                 Ok((found, patient.spent()))
             };
@@ -144,7 +146,8 @@ async fn parametrise(
             let _memory = memory;
             // One limit for both.
             let patient = Patience::new(PATIENCE.saturating_sub(spent), monitor);
-            let quads = request.quads(&surface.surface, crosses, &order, &patient).map_err(too_long)?;
+            let quads = request.quads(&surface.surface, crosses, &order, &patient);
+            let quads = quads.map_err(|fault| too_long(fault.numbered(&to)))?;
             let quads = Quads { split, ..quads };
             if query.format == QuadsFormat::Json {
                 return Answer::json(&quads.answer(&surface.surface, &to)?, begin);
@@ -175,6 +178,7 @@ async fn of_basis(
     }
     let mut field = wanted.field.clone();
     let to = numbered.on_basis(state, id, &loaded.fields.metadata).await?;
+    let loaded = loaded.numbered(&to);
     field.translate(&to, loaded.kind(), loaded.vertices())?;
     let lifted = solve::lifted_with_matching(state, &loaded, &field).await?;
     let crosses = move |_: &dyn Monitor| Ok(lifted.crosses(&loaded.surface.surface));
@@ -210,7 +214,7 @@ impl From<QuadError> for Problem {
             QuadError::Parameter { name, .. } => {
                 Self::within(&problem::INVALID_DESIGN, "quads", text).with("parameter", name)
             }
-            QuadError::Zero { .. } | QuadError::Rounding { .. } | QuadError::Seams { .. } => {
+            QuadError::Zero { .. } | QuadError::Index { .. } | QuadError::Rounding { .. } | QuadError::Seams { .. } => {
                 Self::within(&problem::INVALID_DESIGN, "quads", text)
             }
             QuadError::Factor(FactorError::Promise { .. }) => Self::within(&problem::INVALID_DESIGN, "memory", text),

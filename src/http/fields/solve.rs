@@ -4,11 +4,12 @@ use std::ops::Deref;
 use std::sync::Arc;
 
 use chladni_base::{Monitor, Unwatched};
+use chladni_mesh::numbering::Translation;
 use chladni_spectral::basis::ProductKind;
 use chladni_spectral::field::{DesignModel, FullSpace};
 use chladni_work::design::{
-    AlignmentRequest, DesignRequest, Designed, FacesRequest, FieldSource, FieldTable, Goal, Lifted, NamedTarget,
-    NamedWeights, PerFace, ReferencedFields, Setting, Target, numerators,
+    AlignmentRequest, DesignFault, DesignRequest, Designed, FacesRequest, FieldSource, FieldTable, Goal, Lifted,
+    NamedTarget, NamedWeights, PerFace, ReferencedFields, Setting, Target, numerators,
 };
 use futures_util::future::BoxFuture;
 use uuid::Uuid;
@@ -35,6 +36,8 @@ pub struct LoadedBasis {
     /// The mesh that it lives on.
     pub mesh: String,
     setting: Setting,
+    /// How the request numbers vertices and faces: problems name them so.
+    to: Translation,
 }
 
 impl Deref for LoadedBasis {
@@ -62,7 +65,19 @@ impl LoadedBasis {
             None => find_kind(state, id, ProductKind::FieldBasis).await?.mesh,
         };
         let surface = cache::surface(state, &mesh).await?;
-        Ok(Self { id: id.to_string(), mesh, setting: Setting::new(fields, surface)?.with_room(state.fields.room()) })
+        let setting = Setting::new(fields, surface)?.with_room(state.fields.room());
+        Ok(Self { id: id.to_string(), mesh, setting, to: Translation::default() })
+    }
+
+    /// The same for a request that numbers vertices and faces so; without it, as the kept mesh does.
+    #[must_use]
+    pub fn numbered(self, to: &Translation) -> Self {
+        Self { to: to.clone(), ..self }
+    }
+
+    /// What was found on the kept mesh, as the request numbers its vertices and faces.
+    pub fn told(&self, fault: impl Into<DesignFault>) -> Problem {
+        fault.into().numbered(&self.to).into()
     }
 }
 
@@ -88,7 +103,7 @@ pub fn design_with<'a>(
         request.check()?;
         let (weights, full) = (request.weights, request.weights.full_biharmonic());
         let model = if full { full_energy_model(state, loaded).await? } else { loaded.model() };
-        let constraints = request.resolve(&loaded.surface, loaded.kind())?;
+        let constraints = request.resolve(&loaded.surface, loaded.kind()).map_err(|fault| loaded.told(fault))?;
         let (key, goal, per_face) = goal(state, loaded, &model, request).await?;
         let exact = goal.exact(request);
         let weighted = if per_face || full || loaded.fields.ritz.is_none() {
@@ -96,7 +111,7 @@ pub fn design_with<'a>(
             let key = format!("{key} {:?} {:?} {full} {shares:?}", weights.harmonic, weights.bending());
             let own = loaded.clone();
             let make = move |_: &dyn Monitor| {
-                let weighted = own.weighted(&model, weights, goal)?;
+                let weighted = own.weighted(&model, weights, goal).map_err(|fault| own.told(fault))?;
                 let bytes = weighted.bytes();
                 Ok((weighted, bytes))
             };
@@ -133,8 +148,8 @@ pub fn design_with<'a>(
             let undone = "The design was not compared with the whole surface";
             let instead = "Ask for a larger tolerance, or leave out refine and error.";
             let too_long = patience::too_long("refine", patience::USUAL, undone, instead);
-            let designed =
-                loaded.answer_within(full.as_deref(), &weighted, &request, wanted, monitors).map_err(too_long)?;
+            let designed = loaded.answer_within(full.as_deref(), &weighted, &request, wanted, monitors);
+            let designed = designed.map_err(|fault| too_long(fault.numbered(&loaded.to)))?;
             Ok(loaded.exactly(exact, designed))
         };
         state.solve("design", solve).await
@@ -245,7 +260,7 @@ async fn goal(
         let kept = named(state, loaded, wanted).await?;
         let (loaded, model, own) = (loaded.clone(), model.clone(), wanted.clone());
         let make = move |_: &dyn Monitor| {
-            let alignment = loaded.alignment(&model, &own, &kept)?;
+            let alignment = loaded.alignment(&model, &own, &kept).map_err(|fault| loaded.told(fault))?;
             let bytes = alignment.bytes();
             Ok((alignment, bytes))
         };
@@ -258,7 +273,9 @@ async fn goal(
         let own = format!("{}{energy} singular {:?}", loaded.id, numerators(&wanted.at, loaded.kind())?);
         key = if request.alignment.is_some() { format!("{key} {own}") } else { own.clone() };
         let (loaded, model, asked) = (loaded.clone(), model.clone(), wanted.clone());
-        let make = move |monitor: &dyn Monitor| Ok(loaded.prescription(&model, &asked, monitor)?);
+        let make = move |monitor: &dyn Monitor| {
+            loaded.prescription(&model, &asked, monitor).map_err(|fault| loaded.told(fault))
+        };
         goal.prescription = Some((cache::cached(state, "singularities", &own, make).await?, wanted.weight));
     }
     Ok((key, goal, per_face))

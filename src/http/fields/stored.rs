@@ -39,7 +39,7 @@ use crate::http::problems::problems;
 use crate::http::state::AppState;
 use crate::http::upload::check_name;
 use crate::http::wire::PageOf;
-use crate::store::{FieldFilter, NewField, Stored};
+use crate::store::{FieldFilter, FieldRecord, NewField, Stored};
 
 /// The routes of fields as resources.
 pub fn routes() -> OpenApiRouter<AppState> {
@@ -125,7 +125,7 @@ async fn upload(
     };
     let (width, values) = state.on_intake_pool(make).await?;
     let new = NewField { mesh, basis: None, name, width, values, design: Value::Null };
-    answer(state.store.add_field(new).await?)
+    answer(state.store.add_field(new).await?, &Translation::default())
 }
 
 fn refuse_when_draining(state: &ClientState) -> Result<(), Problem> {
@@ -185,11 +185,20 @@ fn kept_rows(table: &Table, to: &Translation, faces: usize) -> Result<Vec<f32>, 
     }
 }
 
-fn answer(stored: Stored<crate::store::FieldRecord>) -> Result<Response, Problem> {
+fn answer(stored: Stored<FieldRecord>, to: &Translation) -> Result<Response, Problem> {
     let record = stored.record;
     tracing::info!(field = record.id, mesh = record.mesh, created = stored.created, "field stored");
     let (address, tag) = (format!("/v1/fields/{}", record.id), named::tag(&record.id, record.name.as_deref())?);
-    Ok(named::stored(stored.created, &address, tag, FieldResource::from(record)))
+    Ok(named::stored(stored.created, &address, tag, FieldResource::numbered(record, to)?))
+}
+
+/// A stored field as a request numbers faces.
+async fn resource(state: &ClientState, numbered: Numbered, record: FieldRecord) -> Result<FieldResource, Problem> {
+    let to = match record.design["matching"].is_null() {
+        true => Translation::default(),
+        false => numbered.on_mesh(state, &record.mesh).await?,
+    };
+    FieldResource::numbered(record, &to)
 }
 
 /// A design that is to be saved.
@@ -244,6 +253,7 @@ async fn save(
     }
     let loaded = LoadedBasis::load(&state, id).await?;
     let to = numbered.on_basis(&state, id, &loaded.fields.metadata).await?;
+    let loaded = loaded.numbered(&to);
     design.translate(&to, loaded.kind(), loaded.vertices())?;
     let designed = solve::design(&state, &loaded, &design).await?;
     let (kind, mesh) = (loaded.kind(), loaded.mesh.clone());
@@ -260,7 +270,7 @@ async fn save(
     let values = state.solve("lift", move |_| Ok(loaded.lifted(&designed)?)).await?;
     let design = serde_json::to_value(&saved).map_err(Problem::internal)?;
     let new = NewField { mesh, basis: Some(id), name, width: kind.block(), values, design };
-    answer(state.store.add_field(new).await?)
+    answer(state.store.add_field(new).await?, &to)
 }
 
 /// A request as it could have been sent: without members that are absent.
@@ -317,10 +327,10 @@ problems!(ShowFieldProblems: [INVALID_QUERY, UNKNOWN_FIELD]);
 
 /// Shows a stored field
 ///
-/// Of a design with the request that made it.
+/// Of a design with the request that made it, in the numbering in which it was sent.
 #[utoipa::path(
     get, path = "/v1/fields/{id}", tag = "fields", operation_id = "showField",
-    params(FieldId),
+    params(FieldId, NumberingQuery),
     responses(
         (status = 200, description = "The field", body = FieldResource, headers(("ETag" = String))),
         (status = 304, description = "The field is as `If-None-Match` names it"),
@@ -328,10 +338,15 @@ problems!(ShowFieldProblems: [INVALID_QUERY, UNKNOWN_FIELD]);
     ),
     security(("bearer" = ["read"]))
 )]
-async fn show(state: ClientState, FieldId(id): FieldId, headers: HeaderMap) -> Result<Response, Problem> {
+async fn show(
+    state: ClientState,
+    FieldId(id): FieldId,
+    numbered: Numbered,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
     let record = state.store.field(&id).await?;
     let tag = named::tag(&record.id, record.name.as_deref())?;
-    Ok(named::shown(&headers, tag, FieldResource::from(record)))
+    Ok(named::shown(&headers, tag, resource(&state, numbered, record).await?))
 }
 
 /// That a field is in the state that `If-Match` names.
@@ -350,7 +365,7 @@ problems!(RenameFieldProblems: BODY JSON WRITE CONDITION [INVALID_QUERY, UNKNOWN
 /// The name is for people; the id stays.
 #[utoipa::path(
     patch, path = "/v1/fields/{id}", tag = "fields", operation_id = "renameField",
-    params(FieldId, ("If-Match" = Option<String>, Header, description = "Only where this is the `ETag` of the present state", example = "W/\"0f6d2c4ab1e84cf2\"")),
+    params(FieldId, NumberingQuery, ("If-Match" = Option<String>, Header, description = "Only where this is the `ETag` of the present state", example = "W/\"0f6d2c4ab1e84cf2\"")),
     request_body(content = RenameRequest),
     responses(
         (status = 200, description = "The field under its new name", body = FieldResource),
@@ -361,6 +376,7 @@ problems!(RenameFieldProblems: BODY JSON WRITE CONDITION [INVALID_QUERY, UNKNOWN
 async fn rename(
     state: ClientState,
     FieldId(id): FieldId,
+    numbered: Numbered,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Json<FieldResource>, Problem> {
@@ -368,7 +384,7 @@ async fn rename(
     require(&state, &id, &headers).await?;
     let record = state.store.rename_field(&id, name.as_deref()).await?;
     tracing::info!(field = record.id, "field renamed");
-    Ok(Json(FieldResource::from(record)))
+    Ok(Json(resource(&state, numbered, record).await?))
 }
 
 problems!(DeleteFieldProblems: WRITE CONDITION [INVALID_QUERY, UNKNOWN_FIELD]);

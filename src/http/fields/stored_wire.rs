@@ -1,5 +1,6 @@
 //! Stored fields as they go over the wire.
 
+use chladni_mesh::numbering::Translation;
 use chladni_spectral::operator::transport::FieldKind;
 use chladni_work::design::{DesignRequest, MatchedFaces};
 use serde::{Deserialize, Serialize};
@@ -7,6 +8,7 @@ use serde_json::Value;
 use utoipa::ToSchema;
 
 use crate::http::numbering::NumberingName;
+use crate::http::problem::Problem;
 use crate::store::FieldRecord;
 
 /// A stored field, as lists have it.
@@ -73,8 +75,8 @@ pub struct SavedDesign {
     pub alignment_energy: Option<f64>,
     /// With `refine`, how far the field of the basis is from it, as a share of its length.
     pub error: Option<f64>,
-    /// With `exact` singularities the pairs of neighbouring faces, as the kept mesh counts them, across which the field
-    /// turns by more than half a turn; quads keep its singular vertices by them. Absent from others.
+    /// With `exact` singularities the pairs of neighbouring faces across which the field turns by more than half a turn,
+    /// in the numbering of the request that asks; quads keep its singular vertices by them. Absent from others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub matching: Option<Vec<MatchedFaces>>,
 }
@@ -91,6 +93,21 @@ pub struct FieldLinks {
     pub mesh: String,
     /// The basis it was designed in; null of uploads.
     pub basis: Option<String>,
+}
+
+impl FieldResource {
+    /// A record as a request numbers faces: the matching is kept in those of the kept mesh.
+    ///
+    /// # Errors
+    /// `internal` where what is kept is no matching.
+    pub fn numbered(mut record: FieldRecord, to: &Translation) -> Result<Self, Problem> {
+        if let Some(kept) = record.design.get_mut("matching").filter(|kept| !kept.is_null() && !to.is_identity()) {
+            let matched: Vec<MatchedFaces> = serde_json::from_value(kept.take()).map_err(Problem::internal)?;
+            let told: Vec<MatchedFaces> = matched.into_iter().map(|pair| pair.in_file(to)).collect();
+            *kept = serde_json::to_value(told).map_err(Problem::internal)?;
+        }
+        Ok(record.into())
+    }
 }
 
 impl From<FieldRecord> for FieldResource {

@@ -61,6 +61,17 @@ fn quads_of_exact_designs_have_their_singular_vertices_and_no_others() {
         matching: Some(Arc::new(kept)),
     };
     let crosses = stored.crosses(surface).unwrap();
+    // And as a table in either form, with the matching of that.
+    let values: Vec<f64> = exact.field.iter().map(|&x| f64::from(x)).collect();
+    let world = written(surface.frames(), setting.kind(), Form::World, exact.field.clone());
+    let world: Vec<f64> = world.into_iter().map(f64::from).collect();
+    for (columns, values) in [(2, values), (3, world)] {
+        let source = json!({"table": {"columns": columns, "values": values, "matching": stored.matching.as_deref()}});
+        let source: CrossSource = read_as_requests(&source).unwrap();
+        let found = source.crosses(&setting.surface, &Unwatched).unwrap().unwrap();
+        let own = comb(surface, &found.field, &found.matching).unwrap().singularities;
+        assert_eq!(own.iter().map(|s| (s.vertex, s.numerator)).collect::<Vec<_>>(), wanted, "{columns} columns");
+    }
     let order = VertexOrder::new(surface).unwrap();
     let quads = QuadsRequest { spacing: Some(0.2), stiffening: 0, ..QuadsRequest::default() };
     let found = quads.quads(surface, crosses, &order, &Unwatched).unwrap();
@@ -70,6 +81,38 @@ fn quads_of_exact_designs_have_their_singular_vertices_and_no_others() {
     let without = FieldContent { matching: None, ..stored }.crosses(surface).unwrap();
     let moved = comb(surface, &without.field, &without.matching).unwrap();
     assert_ne!(moved.singularities.iter().map(|s| s.vertex).collect::<Vec<_>>(), vertices);
+}
+
+#[test]
+fn a_matching_that_does_not_fit_its_table_is_refused() {
+    let setting = setting(FieldKind::NVector { n: 4 });
+    let faces = setting.surface.surface.faces();
+    for (columns, n, matching, words) in [
+        (2, 4, json!([{"faces": [0, 0], "turns": 1}]), "not neighbours"),
+        (2, 4, json!([{"faces": [0, faces], "turns": 1}]), "not neighbours"),
+        (2, 4, json!([{"faces": [0, 1], "turns": 2_000_000}]), "out of range"),
+        (2, 2, json!([{"faces": setting.surface.surface.dual().edge_faces()[0], "turns": 1}]), "field.table.n"),
+    ] {
+        let values: Vec<f64> = (0..faces).flat_map(|_| [1.0, 0.0]).collect();
+        let source = json!({"table": {"columns": columns, "values": values, "n": n, "matching": matching}});
+        let source: CrossSource = read_as_requests(&source).unwrap();
+        let refused = source.crosses(&setting.surface, &Unwatched).unwrap_err().to_string();
+        assert!(refused.contains(words), "{words}: {refused}");
+    }
+}
+
+#[test]
+fn quads_around_a_vertex_of_index_one_are_refused_wherever_the_field_is_from() {
+    let setting = setting(FieldKind::NVector { n: 4 });
+    let surface = &setting.surface.surface;
+    let at = json!([{"vertex": 40, "index": 1.0}, {"vertex": 600, "index": -3.0}]);
+    let designed = setting.design(&request(json!({"singularities": {"at": at, "exact": true}})), &Unwatched).unwrap();
+    let exact = designed.exact.unwrap();
+    let lifted = Lifted { kind: setting.kind(), field: exact.field, matching: Some(exact.matching) };
+    let crosses = lifted.crosses(surface).unwrap().unwrap();
+    let order = VertexOrder::new(surface).unwrap();
+    let refused = QuadsRequest::default().quads(surface, crosses, &order, &Unwatched).unwrap_err().to_string();
+    assert!(refused.contains("around vertex 40 the field has the index 1, where no quads can meet"), "{refused}");
 }
 
 #[test]

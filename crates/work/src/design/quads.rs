@@ -1,16 +1,17 @@
 //! From a cross field to quads: a field that follows creases and boundaries, and a seamless parametrisation along it.
 
-use chladni_base::{Monitor, Vector3};
+use chladni_base::Monitor;
 use chladni_mesh::numbering::Translation;
 use chladni_spectral::field::quad::{
-    Combed, CrossField, CrossParameters, Parametrisation, ParametrisationParameters, VertexOrder, comb, creases,
-    crowded, parametrise, split, write_matching, write_obj, write_raw_field, write_singularities, write_vtk,
+    Combed, CrossField, CrossParameters, Parametrisation, ParametrisationParameters, QuadError, VertexOrder, comb,
+    creases, crowded, parametrise, split, write_matching, write_obj, write_raw_field, write_singularities, write_vtk,
 };
 use chladni_spectral::field::{FieldSurface, Matching};
-use chladni_spectral::operator::frames::{complex, parts, power};
+use chladni_spectral::operator::frames::parts;
 use chladni_spectral::operator::transport::FieldKind;
 use serde::{Deserialize, Serialize};
 
+use super::matching::{CrossTable, represented};
 use super::request::{DesignRequest, Pin, SingularVertex, refused};
 use super::{DesignFault, FieldContent, FieldSource, Surface};
 use crate::table::Table;
@@ -60,8 +61,9 @@ pub enum CrossSource {
     /// The smoothest one of all that follow creases and boundaries.
     Aligned(CrossRequest),
     /// A table with a row for each face: a direction of the cross, three numbers in ℝ³, or its representation in the
-    /// frame of the face, two numbers whose angle is four times that of the directions.
-    Table(Table),
+    /// frame of the face, two numbers whose angle is four times that of the directions; and where directions do not go
+    /// on as the nearest ones.
+    Table(CrossTable),
     /// A field of a basis: of 4-vectors, or of what has directions to be completed to crosses, vectors, 2-vectors and
     /// tensors.
     Basis(BasisField),
@@ -75,7 +77,7 @@ pub enum CrossSource {
 #[serde(deny_unknown_fields)]
 struct CrossSources {
     aligned: Option<CrossRequest>,
-    table: Option<Table>,
+    table: Option<CrossTable>,
     basis: Option<BasisField>,
     stored: Option<String>,
 }
@@ -273,16 +275,7 @@ impl CrossSource {
                 wanted.constraints = request.constraints;
                 done
             }
-            Self::Table(table) => {
-                if table.columns == 2
-                    && let Some(error) = to.refuses_frames()
-                {
-                    return Err(refused("field", "field.table", error));
-                }
-                let pulled = to.pull_faces(&table.values, table.columns);
-                table.values = pulled.map_err(|error| refused("field", "field.table", error))?;
-                Ok(())
-            }
+            Self::Table(table) => table.translate(to),
             Self::Basis(_) | Self::Stored(_) => Ok(()),
         }
     }
@@ -310,10 +303,7 @@ impl CrossSource {
                 let cross = CrossField::aligned(&surface.surface, &parameters, monitor)?;
                 Ok(Some(Crosses { field: cross.field, matching: Vec::new(), error: Some(cross.crease_error) }))
             }
-            Self::Table(table) => {
-                let field = given(&surface.surface, table, "field.table")?;
-                Ok(Some(Crosses { field, matching: Vec::new(), error: None }))
-            }
+            Self::Table(table) => Ok(Some(table.crosses(&surface.surface)?)),
             Self::Basis(_) | Self::Stored(_) => Ok(None),
         }
     }
@@ -337,29 +327,6 @@ fn within_field(fault: DesignFault) -> DesignFault {
     }
 }
 
-fn given(surface: &FieldSurface, table: &Table, place: &str) -> Result<Vec<f32>, DesignFault> {
-    let faces = surface.faces();
-    if !matches!(table.columns, 2 | 3) || table.values.len() != table.columns * faces {
-        let reason = format!("must be a table of {faces} rows, one for each face, with 2 or 3 columns");
-        return Err(refused("field", place, reason));
-    }
-    let mut field = Vec::with_capacity(2 * faces);
-    for (face, row) in table.values.chunks_exact(table.columns).enumerate() {
-        let own = match *row {
-            [x, y, z] => surface.frames().from_world(face, Vector3::new(x, y, z)),
-            _ => complex([row[0], row[1]]),
-        };
-        let length = own.norm();
-        if !(length > 1e-12 * row.iter().map(|x| x.abs()).fold(0.0, f64::max) && length.is_finite()) {
-            let reason = format!("the row of face {face} has no direction in the plane of the face");
-            return Err(super::request::refused_at(face as u32, "field", place, reason));
-        }
-        let unit = own / length;
-        field.extend(parts(if table.columns == 3 { power(unit, 4) } else { unit }).map(|x| x as f32));
-    }
-    Ok(field)
-}
-
 impl FieldContent {
     /// The crosses that a stored field makes.
     ///
@@ -368,8 +335,8 @@ impl FieldContent {
     pub fn crosses(&self, surface: &FieldSurface) -> Result<Crosses, DesignFault> {
         let place = "field.stored";
         let Some(lifted) = self.lifted(surface) else {
-            let values = self.values.iter().map(|&x| f64::from(x)).collect();
-            let field = given(surface, &Table { columns: self.columns, values }, place)?;
+            let values: Vec<f64> = self.values.iter().map(|&x| f64::from(x)).collect();
+            let field = represented(surface, (self.columns, &values), 4, place)?;
             return Ok(Crosses { field, matching: Vec::new(), error: None });
         };
         let crosses = lifted.crosses(surface).map_err(|misfit| refused("field", place, misfit.to_string()))?;
@@ -393,6 +360,9 @@ impl QuadsRequest {
         monitor: &dyn Monitor,
     ) -> Result<Quads, DesignFault> {
         let combed = comb(surface, &crosses.field, &crosses.matching)?;
+        if let Some(s) = combed.singularities.iter().find(|s| s.numerator >= s.order as i32) {
+            return Err(QuadError::Index { vertex: s.vertex, index: s.index() }.into());
+        }
         monitor.checkpoint()?;
         let spacing = self.spacing.unwrap_or_else(|| surface.frames().area().sqrt() / 30.0);
         if let Some(value) = self.creases.filter(|a| !(*a > 0.0 && *a <= 180.0)) {

@@ -1,7 +1,7 @@
 //! Vectors that are given on a few faces, carried over the whole surface.
 
 use chladni_mesh::numbering::Translation;
-use chladni_spectral::field::{TransportError, VectorHeat, VectorSource};
+use chladni_spectral::field::{VectorHeat, VectorSource};
 use chladni_spectral::operator::transport::FieldKind;
 use serde::Deserialize;
 
@@ -28,7 +28,8 @@ impl TransportRequest {
         let mut request = DesignRequest { constraints: self.sources, ..DesignRequest::default() };
         let kind = FieldKind::Vector {};
         let rows = surface.surface.mesh().positions.len();
-        let found = request.translate(to, kind, rows).and_then(|()| request.resolve(surface, kind));
+        let own = |request: &DesignRequest| request.resolve(surface, kind).map_err(|fault| fault.numbered(to));
+        let found = request.translate(to, kind, rows).and_then(|()| own(&request));
         let found = found.map_err(|fault| match fault {
             DesignFault::Request { within, place, reason, face } => {
                 DesignFault::Request { within, place: place.replacen("constraints", "sources", 1), reason, face }
@@ -44,11 +45,6 @@ impl TransportRequest {
 /// # Errors
 /// [`DesignFault::Transport`] names the face that no vector reaches, in the numbering of the request.
 pub fn carried(heat: &VectorHeat, sources: &[VectorSource], to: &Translation) -> Result<Vec<f32>, DesignFault> {
-    let named = |face: usize| u32::try_from(face).map_or(face, |kept| to.file_face(kept) as usize);
-    let field = heat.carried(sources).map_err(|error| match error {
-        TransportError::OutOfReach { face } => TransportError::OutOfReach { face: named(face) },
-        TransportError::Cancelling { face } => TransportError::Cancelling { face: named(face) },
-        other => other,
-    })?;
+    let field = heat.carried(sources).map_err(|error| DesignFault::from(error).numbered(to))?;
     Ok(field.into_iter().map(|x| x as f32).collect())
 }

@@ -122,6 +122,16 @@ pub enum QuadError {
         /// Whether the directions of all faces around it are held.
         held: bool,
     },
+    /// A field that is given has an index around which no quads can meet.
+    #[error(
+        "around vertex {vertex} the field has the index {index}, where no quads can meet: use a field with other singular vertices, as they are prescribed to a design of 4-vectors, or directions of other faces around it"
+    )]
+    Index {
+        /// The vertex.
+        vertex: u32,
+        /// The index.
+        index: f64,
+    },
     /// Too many coordinates would have to be rounded.
     #[error(
         "{count} coordinates would have to be rounded, more than {MOST_ROUNDED}: use a smoother field, with fewer singular vertices, or leave grid lines apart at the cut"

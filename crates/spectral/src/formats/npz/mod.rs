@@ -11,6 +11,7 @@
 //! known that the mesh came from.
 
 mod collection;
+mod designed;
 mod family;
 mod fields;
 mod learning;
@@ -35,6 +36,7 @@ use crate::basis::{
 };
 
 pub use collection::{read_maps, write_maps};
+pub use designed::{DesignedField, fingerprint, read_designed, write_designed};
 pub use family::{read_family, write_family};
 pub use fields::{fields_to_bytes, read_fields, write_fields};
 pub use learning::{SurfaceOperators, operators_within, write_operators};

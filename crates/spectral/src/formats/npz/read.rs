@@ -19,6 +19,7 @@ pub(super) const MODES: &str = "vibration modes";
 pub(super) const FAMILY: &str = "a family of operators";
 pub(super) const FIELDS: &str = "a field basis";
 pub(super) const MAPS: &str = "the maps of a collection";
+pub(super) const DESIGNED: &str = "a designed field";
 pub(super) const PART: &str = "a part written by solve --part";
 
 /// One member, as it lies in the file.
@@ -132,6 +133,7 @@ pub(super) fn expect<R: Read + Seek>(directory: &ZipArchive<R>, expected: &'stat
         ("extrinsic", FAMILY),
         ("samples", FIELDS),
         ("disagreements", MAPS),
+        ("stored", DESIGNED),
         ("part", PART),
         ("certificate", EIGENBASIS),
     ];
