@@ -765,7 +765,7 @@ export interface paths {
         };
         /**
          * Shows a stored field
-         * @description Of a design with the request that made it.
+         * @description Of a design with the request that made it, in the numbering in which it was sent.
          */
         get: operations["showField"];
         put?: never;
@@ -2248,14 +2248,37 @@ export interface components {
         };
         /**
          * @description A table with a row for each face: a direction of the cross, three numbers in ℝ³, or its representation in the
-         *     frame of the face, two numbers whose angle is four times that of the directions.
+         *     frame of the face, two numbers whose angle is four times that of the directions; and where directions do not go
+         *     on as the nearest ones.
          */
         CrossSourceTable: {
             /**
              * @description A table with a row for each face: a direction of the cross, three numbers in ℝ³, or its representation in the
-             *     frame of the face, two numbers whose angle is four times that of the directions.
+             *     frame of the face, two numbers whose angle is four times that of the directions; and where directions do not go
+             *     on as the nearest ones.
              */
-            table: components["schemas"]["Table"];
+            table: components["schemas"]["CrossTable"];
+        };
+        /** @description Numbers that make crosses, a row for each face. */
+        CrossTable: {
+            /**
+             * @description Numbers in a row: three are a direction of the cross in ℝ³, two its representation in the frame of the face,
+             *     whose angle is four times that of the directions.
+             */
+            columns: number;
+            /**
+             * @description The pairs of neighbouring faces between which directions do not go on as the nearest ones, as a design with
+             *     exact singularities tells them; singular vertices are then those of the design.
+             */
+            matching?: components["schemas"]["MatchedFaces"][];
+            /**
+             * Format: int32
+             * @description How many directions a face has in the field whose full turns `matching` counts, 1, 2 or 4: where it is of
+             *     vectors, 1, and of lines, 2. By default `4`.
+             */
+            n?: number;
+            /** @description The numbers, row after row; null at faces of a file that have none. */
+            values: number[];
         };
         /**
          * @description Eigenvalues that lie so close together that they count as one, of which not all are delivered: any functions of the
@@ -6289,8 +6312,8 @@ export interface components {
              */
             harmonic_energy: number;
             /**
-             * @description With `exact` singularities the pairs of neighbouring faces, as the kept mesh counts them, across which the field
-             *     turns by more than half a turn; quads keep its singular vertices by them. Absent from others.
+             * @description With `exact` singularities the pairs of neighbouring faces across which the field turns by more than half a turn,
+             *     in the numbering of the request that asks; quads keep its singular vertices by them. Absent from others.
              */
             matching?: components["schemas"]["MatchedFaces"][] | null;
             /**
@@ -10685,7 +10708,19 @@ export interface operations {
     };
     showField: {
         parameters: {
-            query?: never;
+            query?: {
+                /**
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
+                 */
+                extend?: "none" | "nearest";
+                /**
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
+                 */
+                numbering?: "file" | "kept";
+            };
             header?: never;
             path: {
                 /**
@@ -10818,7 +10853,19 @@ export interface operations {
     };
     renameField: {
         parameters: {
-            query?: never;
+            query?: {
+                /**
+                 * @description What vertices of the file are given that were dropped: null, or what the nearest vertex has; by the second,
+                 *     naming such a vertex means the nearest.
+                 */
+                extend?: "none" | "nearest";
+                /**
+                 * @description How vertices and faces are numbered, in the request and in the answer: as in the uploaded file, or as in the
+                 *     mesh that was kept of it (`GET /v1/meshes/{id}/vertex-map`). Values at merged vertices have to agree; those at
+                 *     dropped ones are ignored, and answered as null.
+                 */
+                numbering?: "file" | "kept";
+            };
             header?: {
                 /**
                  * @description Only where this is the `ETag` of the present state
