@@ -75,8 +75,8 @@ pub struct SavedDesign {
     pub alignment_energy: Option<f64>,
     /// With `refine`, how far the field of the basis is from it, as a share of its length.
     pub error: Option<f64>,
-    /// With `exact` singularities the pairs of neighbouring faces across which the field turns by more than half a turn,
-    /// in the numbering of the request that asks; quads keep its singular vertices by them. Absent from others.
+    /// With `exact` singularities the pairs of neighbouring faces across which the field turns by more than half a
+    /// turn, in the numbering of the request that asks; quads keep its singular vertices by them. Absent from others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub matching: Option<Vec<MatchedFaces>>,
 }

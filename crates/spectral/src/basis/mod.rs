@@ -31,6 +31,9 @@ pub use part::{
 };
 pub use product::{PARTS, PENCIL, Product, ProductKind, Summary};
 
+// What a field basis says its fields are.
+pub use crate::operator::transport::FieldKind;
+
 pub use provenance::{
     Anchor, AskedOperator, JobRecord, ModesClaim, Provenance, ProvenanceError, RowsOf, VibratingObject,
 };

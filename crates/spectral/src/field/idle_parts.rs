@@ -90,8 +90,8 @@ impl IdlePart {
         Self { component: None, unit: 1.0, mixtures: None }
     }
 
-    /// Of fields without energy of a space, by components where these are known. `mass` is `M̄`, in which the fields are
-    /// orthonormal.
+    /// Of fields without energy of a space, by components where these are known. `mass` is `M̄`, in which the fields
+    /// are orthonormal.
     pub fn of_space(
         components: Option<&FaceComponents>,
         basis: &FieldBasis,

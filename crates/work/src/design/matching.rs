@@ -11,12 +11,22 @@ use chladni_spectral::operator::transport::FieldKind;
 use serde::{Deserialize, Serialize};
 
 use super::DesignFault;
-use super::quads::Crosses;
 use super::request::{refused, refused_at};
 use crate::table::numbers;
 
 /// More full turns between two faces are nobody's.
 const MOST_TURNS: u32 = 1_000_000;
+
+/// A cross field in stored numbers.
+#[derive(Debug)]
+pub struct Crosses {
+    /// Two numbers for each face.
+    pub field: Vec<f32>,
+    /// Where it turns by more than half a turn from face to face, as far as that is known.
+    pub matching: Vec<Matching>,
+    /// By how much it misses what it was to follow.
+    pub error: Option<[f64; 2]>,
+}
 
 /// Two neighbouring faces between which a field does not turn by the least angle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

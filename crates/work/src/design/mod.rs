@@ -52,10 +52,10 @@ pub use forms::{Form, written, written_at};
 pub use fur::{FurRequest, HairRequest};
 pub use goal::{ExactGoal, Goal};
 pub use hatching::{HatchingAnswer, HatchingRequest, Line, Pen, ToneRequest};
-pub use matching::{CrossTable, Lifted, MatchedFaces};
+pub use matching::{CrossTable, Crosses, Lifted, MatchedFaces};
 pub use own_surface::{StrangeSurface, check_own_surface};
 pub use quads::{
-    BasisField, CrossRequest, CrossSource, Crosses, CutEdge, Quads, QuadsAnswer, QuadsFormat, QuadsRequest, SplitFace,
+    BasisField, CrossRequest, CrossSource, CutEdge, Quads, QuadsAnswer, QuadsFormat, QuadsRequest, SplitFace,
     SplitSurface,
 };
 pub(crate) use request::refused;

@@ -2,16 +2,16 @@
 
 use chladni_base::Monitor;
 use chladni_mesh::numbering::Translation;
+use chladni_spectral::field::FieldSurface;
 use chladni_spectral::field::quad::{
     Combed, CrossField, CrossParameters, Parametrisation, ParametrisationParameters, QuadError, VertexOrder, comb,
     creases, crowded, parametrise, split, write_matching, write_obj, write_raw_field, write_singularities, write_vtk,
 };
-use chladni_spectral::field::{FieldSurface, Matching};
 use chladni_spectral::operator::frames::parts;
 use chladni_spectral::operator::transport::FieldKind;
 use serde::{Deserialize, Serialize};
 
-use super::matching::{CrossTable, represented};
+use super::matching::{CrossTable, Crosses, represented};
 use super::request::{DesignRequest, Pin, SingularVertex, refused};
 use super::{DesignFault, FieldContent, FieldSource, Surface};
 use crate::table::Table;
@@ -248,17 +248,6 @@ pub struct SplitSurface {
     pub surface: Surface,
     /// The faces.
     pub faces: Vec<u32>,
-}
-
-/// A cross field in stored numbers.
-#[derive(Debug)]
-pub struct Crosses {
-    /// Two numbers for each face.
-    pub field: Vec<f32>,
-    /// Where it turns by more than half a turn from face to face, as far as that is known.
-    pub matching: Vec<Matching>,
-    /// By how much it misses what it was to follow.
-    pub error: Option<[f64; 2]>,
 }
 
 impl CrossSource {

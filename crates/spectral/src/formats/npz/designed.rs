@@ -12,7 +12,7 @@ use zip::ZipWriter;
 
 use super::read::{Archive, DESIGNED};
 use super::{FormatError, Members, wrong};
-use crate::operator::transport::FieldKind;
+use crate::basis::FieldKind;
 
 /// A designed field on the faces of the kept mesh.
 #[derive(Debug, Clone, PartialEq)]
