@@ -343,7 +343,7 @@ async fn store_result(shared: &Shared, kind: &str, token: Uuid, monitor: &Attemp
                 Ok(completed) => break completed,
                 Err(_) => {
                     if let Some(why) = shared.store.delay().await {
-                        chladni_base::Monitor::detail(monitor, &format!("the result waits for the storage: {why}"));
+                        chladni_base::Monitor::detail(monitor, &format!("the result waits to be stored: {why}"));
                     }
                 }
             }
@@ -423,8 +423,16 @@ fn given_back(held: bool) -> FailAnswer {
     if held { FailAnswer::Retried } else { FailAnswer::Lost }
 }
 
+/// The problem that the job shows. Addresses of the storage are for the log alone.
 fn problem(kind: &str, error: &StoreError) -> JobProblem {
-    JobProblem { kind: kind.to_owned(), detail: error.to_string() }
+    let detail = match error {
+        StoreError::StorageFull { .. } | StoreError::Busy { .. } | StoreError::Unavailable { .. } => {
+            tracing::warn!(%error, "the storage failed the attempt");
+            error.reason().to_owned()
+        }
+        _ => error.to_string(),
+    };
+    JobProblem { kind: kind.to_owned(), detail }
 }
 
 fn stage_words(monitor: &AttemptMonitor) -> String {

@@ -203,7 +203,20 @@ impl StoreError {
     pub fn is_retryable(&self) -> bool {
         matches!(self, Self::Busy { .. } | Self::StorageFull { .. } | Self::QueueFull { .. } | Self::Unavailable { .. })
     }
+
+    /// What keeps the storage from taking something, for a client: addresses and messages of databases and object
+    /// stores are for the log.
+    pub fn reason(&self) -> &'static str {
+        match self {
+            Self::StorageFull { .. } => "the storage is full",
+            Self::Busy { .. } => "the storage is busy",
+            _ => SILENT,
+        }
+    }
 }
+
+/// What a storage does that does not answer.
+pub(super) const SILENT: &str = "the storage does not answer";
 
 /// What refers to a mesh, in words: what there is none of is not told.
 pub fn uses(unfinished_jobs: u64, job: Option<Uuid>, bases: u64, fields: u64) -> String {

@@ -5,7 +5,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::{Store, StoreError, StoreHealth, database::Database};
+use super::{Store, StoreError, StoreHealth, database::Database, error::SILENT};
 
 /// Where processes share what they have, this is how long its health is waited for.
 const HEALTH_PATIENCE: Duration = Duration::from_secs(3);
@@ -83,13 +83,13 @@ impl Store {
     /// Notes why a result waits.
     pub(super) fn note_delay(&self, error: &StoreError) {
         let mut delay = self.inner.delay.lock().unwrap_or_else(PoisonError::into_inner);
-        *delay = Some((Instant::now(), error.to_string()));
+        *delay = Some((Instant::now(), error.reason()));
     }
 
     /// Why a result that takes long to be stored may have to wait: what was met lately, or what the store says that
     /// keeps the content. `None` where both go on.
-    pub async fn delay(&self) -> Option<String> {
-        let met = self.inner.delay.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    pub async fn delay(&self) -> Option<&'static str> {
+        let met = *self.inner.delay.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((when, why)) = met
             && when.elapsed() < DELAY_KNOWN
         {
@@ -99,8 +99,8 @@ impl Store {
             return None;
         }
         match tokio::time::timeout(HEALTH_PATIENCE, self.reach_content()).await {
-            Ok(reached) => reached.err().map(|error| error.to_string()),
-            Err(_) => Some(format!("the object store has not answered for {} s", HEALTH_PATIENCE.as_secs())),
+            Ok(reached) => reached.err().map(|error| error.reason()),
+            Err(_) => Some(SILENT),
         }
     }
 }

@@ -242,7 +242,7 @@ struct Inner {
     parts: Notify,
     fleet: fleet::Fleet,
     /// Why a result waited for the storage when it was last tried to be stored, and when that was.
-    delay: Mutex<Option<(Instant, String)>>,
+    delay: Mutex<Option<(Instant, &'static str)>>,
     #[cfg(feature = "cluster")]
     room: shortcuts::Room,
     /// Held for reading from the moment a blob is written or found until something refers to it, and for writing while
