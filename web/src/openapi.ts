@@ -6312,8 +6312,8 @@ export interface components {
              */
             harmonic_energy: number;
             /**
-             * @description With `exact` singularities the pairs of neighbouring faces across which the field turns by more than half a turn,
-             *     in the numbering of the request that asks; quads keep its singular vertices by them. Absent from others.
+             * @description With `exact` singularities the pairs of neighbouring faces across which the field turns by more than half a
+             *     turn, in the numbering of the request that asks; quads keep its singular vertices by them. Absent from others.
              */
             matching?: components["schemas"]["MatchedFaces"][] | null;
             /**
