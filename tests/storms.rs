@@ -4,7 +4,7 @@
 //! solved by several workers, which die in the middle of them as well.
 //!
 //! Each storm has a few rounds, a minute together; `CHLADNI_STORMS=1000` has as many as that, and `CHLADNI_SEED=12` has
-//! others.
+//! others. `CHLADNI_AWAY=60` keeps the object store away for so many seconds each time.
 #![cfg(all(unix, feature = "cluster"))]
 
 #[path = "common/places.rs"]
@@ -305,7 +305,7 @@ impl Scene {
 
     /// The object store refuses, cuts answers, stops or is killed.
     async fn objects_away(&mut self) {
-        let away = self.dice.pause(200, 4000);
+        let away = seconds_away().unwrap_or_else(|| self.dice.pause(200, 4000));
         self.done.objects_away += 1;
         let Some(weed) = &mut self.weed else {
             let faults = &s3::of_folder(self.places.folder.path(), true).faults;
@@ -406,6 +406,12 @@ async fn kills_stops_and_crashes_lose_nothing_and_do_nothing_twice() {
     }
     println!("{} rounds in {:.0} s", rounds(8), begun.elapsed().as_secs_f64());
     scene.end().await;
+}
+
+/// For how long the object store is to be away, where somebody says so.
+fn seconds_away() -> Option<Duration> {
+    let seconds = std::env::var("CHLADNI_AWAY").ok()?;
+    Some(Duration::from_secs(seconds.parse().expect("CHLADNI_AWAY is a number of seconds")))
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -76,7 +76,7 @@ pub enum RefineError {
     Incomplete,
     /// Fields without energy, small where constraints are, would have to be so long.
     #[error(
-        "harmonic fields meet these constraints at no cost only where they are {times:.0} times as long elsewhere, and without factors of the surface their length is not bounded; a design in the space of the basis has such a bound"
+        "harmonic fields meet these constraints at no cost only where they are {times:.0} times as long elsewhere; designs in the space of the basis bound that length, those on the whole surface only without alignment and where its factors fit into memory"
     )]
     Unbounded {
         /// Their mean length in units of the longest constraint.
