@@ -2,6 +2,7 @@
 //! separator parts is ordered by all threads at once (docs/decisions/0115). After Karypis and Kumar, *A fast and high
 //! quality multilevel scheme for partitioning irregular graphs* (1998).
 
+mod clusters;
 mod coarsen;
 mod graph;
 mod halves;
@@ -13,8 +14,10 @@ mod separator;
 mod tests;
 
 use super::SparseMatrix;
+use chladni_base::Spare;
+use clusters::Clusters;
 use graph::Graph;
-use refine::SEPARATOR;
+use refine::{SEPARATOR, Scratch};
 
 /// Parts of so few vertices are ordered by minimum degree. With 250 ordering takes a fifth less of the time, and
 /// factors have 1.3 % more entries.
@@ -48,28 +51,46 @@ fn expanded(order: &[u32], group: &[u32]) -> Vec<u32> {
 
 fn ordered(graph: &Graph) -> Vec<u32> {
     let mut order = vec![0u32; graph.len()];
-    dissect(None, graph, (0..graph.len() as u32).collect(), &mut order, DEEPEST);
+    let whole = Whole { graph, scratch: Spare::default() };
+    let rows = (0..graph.len() as u32).collect();
+    dissect(None, &whole, Part { rows, clusters: Clusters::of(graph) }, &mut order, DEEPEST);
     order
 }
 
-/// Orders the vertices of a part, whose numbers in the whole are `rows`, ascending, by `deeper` more dissections at
-/// most. The part is the whole where none is given.
-fn dissect(part: Option<Graph>, whole: &Graph, rows: Vec<u32>, order: &mut [u32], deeper: usize) {
-    let graph = part.as_ref().unwrap_or(whole);
-    if graph.len() <= LEAF || deeper == 0 {
-        return eliminate(whole, &rows, order);
+/// The graph that is dissected, and memory.
+struct Whole<'a> {
+    graph: &'a Graph,
+    scratch: Spare<Scratch>,
+}
+
+/// What is known of the vertices of a part beside their edges.
+struct Part {
+    /// Their numbers in the whole, ascending.
+    rows: Vec<u32>,
+    clusters: Clusters,
+}
+
+/// Orders the vertices of a part by `deeper` more dissections at most. Its graph is that of the whole where none is
+/// given.
+fn dissect(graph: Option<Graph>, whole: &Whole<'_>, part: Part, order: &mut [u32], deeper: usize) {
+    let own = graph.as_ref().unwrap_or(whole.graph);
+    if own.len() <= LEAF || deeper == 0 {
+        return eliminate(whole.graph, &part.rows, order);
     }
-    let cut = separator::separator(graph);
-    let [(left, mut left_rows), (right, mut right_rows)] = graph.split(&cut.side);
+    let Part { rows, clusters } = part;
+    let cut = separator::separator(own, &clusters, &whole.scratch);
+    let [left, right] = own.split(&cut.side).map(|(graph, vertices)| {
+        let rows = vertices.iter().map(|&v| rows[v as usize]).collect();
+        (graph, Part { rows, clusters: clusters.within(&vertices) })
+    });
     let between = rows.iter().zip(&cut.side).filter(|&(_, &side)| side == SEPARATOR).map(|(&row, _)| row);
-    let last = left.len() + right.len();
+    let last = left.0.len() + right.0.len();
     order[last..].iter_mut().zip(between).for_each(|(to, row)| *to = row);
-    left_rows.iter_mut().chain(&mut right_rows).for_each(|v| *v = rows[*v as usize]);
-    drop((part, rows, cut));
-    let (first, second) = order[..last].split_at_mut(left.len());
+    drop((graph, rows, clusters, cut));
+    let (first, second) = order[..last].split_at_mut(left.0.len());
     rayon::join(
-        || dissect(Some(left), whole, left_rows, first, deeper - 1),
-        || dissect(Some(right), whole, right_rows, second, deeper - 1),
+        || dissect(Some(left.0), whole, left.1, first, deeper - 1),
+        || dissect(Some(right.0), whole, right.1, second, deeper - 1),
     );
 }
 

@@ -1,4 +1,4 @@
-//! A coarser picture of a graph: pairs of vertices with heavy edges between them become one.
+//! A coarser picture of a graph: pairs of vertices with heavy edges between them become one, or any other clusters.
 
 use chladni_base::parallel::*;
 
@@ -12,18 +12,25 @@ pub(super) fn coarsened(graph: &Graph, heaviest: u32) -> Option<(Graph, Vec<u32>
     let mate = matched(graph, heaviest);
     let n = graph.len();
     let mut coarse = vec![NONE; n];
-    let mut firsts = Vec::with_capacity(n / 2 + n / 8);
+    let mut count = 0;
     for v in 0..n {
         if coarse[v] == NONE {
-            coarse[v] = firsts.len() as u32;
-            coarse[mate[v] as usize] = firsts.len() as u32;
-            firsts.push(v as u32);
+            coarse[v] = count;
+            coarse[mate[v] as usize] = count;
+            count += 1;
         }
     }
-    if firsts.len() * 20 > n * 19 {
+    let count = count as usize;
+    if count * 20 > n * 19 {
         return None;
     }
-    Some((contracted(graph, &mate, &coarse, &firsts), coarse))
+    Some((contracted(graph, &coarse, count), coarse))
+}
+
+/// The vertex of a second graph that each vertex belongs to, if it belongs to a vertex of a first one that belongs to
+/// it.
+pub(super) fn joined(first: &[u32], second: &[u32]) -> Vec<u32> {
+    first.iter().map(|&vertex| second[vertex as usize]).collect()
 }
 
 /// For each vertex the other one of its pair, or itself.
@@ -97,26 +104,25 @@ fn pair_leftovers(graph: &Graph, heaviest: u32, mate: &mut [u32], left: Vec<u32>
 /// So many coarse vertices are contracted at a time, by one thread.
 const RANGE: usize = 1 << 14;
 
-fn contracted(graph: &Graph, mate: &[u32], coarse: &[u32], firsts: &[u32]) -> Graph {
-    let n = firsts.len();
-    let ranges: Vec<Graph> = if n > 2 * RANGE {
-        firsts
-            .par_chunks(RANGE)
-            .enumerate()
-            .map_init(
-                || vec![0; n],
-                |place, (k, firsts)| contracted_range(graph, mate, coarse, k * RANGE, firsts, place),
-            )
-            .collect()
-    } else {
-        return contracted_range(graph, mate, coarse, 0, firsts, &mut vec![0; n]);
-    };
+/// The graph of the `count` coarse vertices that the vertices belong to; each has one at least.
+pub(super) fn contracted(graph: &Graph, coarse: &[u32], count: usize) -> Graph {
+    let members = Members::of(coarse, count);
+    if count <= 2 * RANGE {
+        return contracted_range(graph, coarse, &members, 0..count, &mut vec![0; count]);
+    }
+    let ranges: Vec<Graph> = (0..count.div_ceil(RANGE))
+        .into_par_iter()
+        .map_init(
+            || vec![0; count],
+            |place, k| contracted_range(graph, coarse, &members, k * RANGE..count.min((k + 1) * RANGE), place),
+        )
+        .collect();
     let entries = ranges.iter().map(|range| range.neighbours.len()).sum();
     let mut whole = Graph {
-        offsets: Vec::with_capacity(n + 1),
+        offsets: Vec::with_capacity(count + 1),
         neighbours: Vec::with_capacity(entries),
         edge_weights: Vec::with_capacity(entries),
-        weights: Vec::with_capacity(n),
+        weights: Vec::with_capacity(count),
     };
     whole.offsets.push(0);
     for range in ranges {
@@ -129,32 +135,55 @@ fn contracted(graph: &Graph, mate: &[u32], coarse: &[u32], firsts: &[u32]) -> Gr
     whole
 }
 
-/// The coarse vertices from number `first` on, whose pairs begin with `firsts`. `place` has an entry for each coarse
-/// vertex, whatever is in it.
+/// The vertices of each coarse vertex, ascending.
+struct Members {
+    starts: Vec<u32>,
+    vertices: Vec<u32>,
+}
+
+impl Members {
+    fn of(coarse: &[u32], count: usize) -> Self {
+        let mut starts = vec![0u32; count + 2];
+        coarse.iter().for_each(|&c| starts[c as usize + 2] += 1);
+        (2..count + 2).for_each(|c| starts[c] += starts[c - 1]);
+        let mut vertices = vec![0u32; coarse.len()];
+        for (&c, v) in coarse.iter().zip(0..) {
+            let next = &mut starts[c as usize + 1];
+            vertices[*next as usize] = v;
+            *next += 1;
+        }
+        Self { starts, vertices }
+    }
+
+    fn of_one(&self, c: usize) -> &[u32] {
+        &self.vertices[self.starts[c] as usize..self.starts[c + 1] as usize]
+    }
+}
+
+/// Some of the coarse vertices. `place` has an entry for each of all, whatever is in it.
 fn contracted_range(
     graph: &Graph,
-    mate: &[u32],
     coarse: &[u32],
-    first: usize,
-    firsts: &[u32],
+    members: &Members,
+    range: std::ops::Range<usize>,
     place: &mut [u32],
 ) -> Graph {
-    let entries = graph.neighbours.len() * 2 / 3 * firsts.len() / place.len().max(1);
+    let entries = graph.neighbours.len() / 2 * range.len() / place.len().max(1);
     let mut result = Graph {
-        offsets: Vec::with_capacity(firsts.len() + 1),
+        offsets: Vec::with_capacity(range.len() + 1),
         neighbours: Vec::with_capacity(entries),
         edge_weights: Vec::with_capacity(entries),
-        weights: Vec::with_capacity(firsts.len()),
+        weights: Vec::with_capacity(range.len()),
     };
     result.offsets.push(0);
-    for (own, &v) in (first as u32..).zip(firsts) {
+    for own in range {
         let begin = result.neighbours.len();
-        let pair = [v, mate[v as usize]];
-        let pair = if pair[0] == pair[1] { &pair[..1] } else { &pair[..] };
-        for &member in pair {
+        let mut weight = 0;
+        for &member in members.of_one(own) {
+            weight += graph.weights[member as usize];
             for (u, edge) in graph.edges(member) {
                 let to = coarse[u as usize];
-                if to == own {
+                if to as usize == own {
                     continue;
                 }
                 // What `place` says of earlier vertices, or of none, does not point at this neighbour among those of
@@ -170,7 +199,7 @@ fn contracted_range(
             }
         }
         result.offsets.push(result.neighbours.len() as u32);
-        result.weights.push(pair.iter().map(|&member| graph.weights[member as usize]).sum());
+        result.weights.push(weight);
     }
     result
 }

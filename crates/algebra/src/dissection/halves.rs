@@ -3,7 +3,7 @@
 use std::collections::BinaryHeap;
 
 use super::graph::Graph;
-use super::refine::{Cut, PASSES, PATIENCE, SEPARATOR, cost};
+use super::refine::{Cut, PASSES, SEPARATOR, Scratch, cost, patience};
 
 /// A graph in two sides.
 pub(super) struct Halves {
@@ -19,12 +19,18 @@ impl Halves {
         cost(self.weights, self.between, self.weights[0] + self.weights[1], most)
     }
 
-    /// The cut whose separator are the vertices of `side` with an edge to the other one; `boundary` are those of both
-    /// sides.
-    pub fn separated(&self, boundary: &[u32], side: u8, graph: &Graph) -> Cut {
-        let mut parts = self.side.clone();
-        boundary.iter().filter(|&&v| self.side[v as usize] == side).for_each(|&v| parts[v as usize] = SEPARATOR);
-        Cut::new(graph, parts)
+    /// The cut whose separator are the vertices of `side` with an edge to the other one, and these vertices; `boundary`
+    /// are those of both sides.
+    pub fn separated(&self, boundary: &[u32], side: u8, graph: &Graph) -> (Cut, Vec<u32>) {
+        let separator: Vec<u32> = boundary.iter().copied().filter(|&v| self.side[v as usize] == side).collect();
+        let (mut parts, mut weights) = (self.side.clone(), [self.weights[0], self.weights[1], 0]);
+        for &v in &separator {
+            let weight = u64::from(graph.weights[v as usize]);
+            parts[v as usize] = SEPARATOR;
+            weights[side as usize] -= weight;
+            weights[SEPARATOR as usize] += weight;
+        }
+        (Cut { side: parts, weights }, separator)
     }
 }
 
@@ -68,20 +74,28 @@ struct Work<'a> {
     graph: &'a Graph,
     halves: &'a mut Halves,
     /// Twice of by how much less the edges between the sides weigh after a vertex has moved, and one; zero where none
-    /// has asked, since memory of zeros costs nothing before it is touched.
-    gains: Vec<i64>,
+    /// has asked.
+    gains: &'a mut [i64],
+    /// Those that were asked for.
+    asked: Vec<u32>,
     /// Vertices that have moved in this pass.
-    moved: Vec<bool>,
+    moved: &'a mut [bool],
     /// Vertices of either side by gain; outdated ones among them.
     queues: [BinaryHeap<(i64, u32)>; 2],
 }
 
 /// Moves vertices to the other side while the edges between the sides become fewer. `candidates` are all vertices that
 /// may have an edge to the other side, ascending. Gives those that have one then.
-pub(super) fn refine(graph: &Graph, halves: &mut Halves, candidates: Vec<u32>, most: u64) -> Vec<u32> {
-    let n = graph.len();
+pub(super) fn refine(
+    graph: &Graph,
+    halves: &mut Halves,
+    candidates: Vec<u32>,
+    most: u64,
+    scratch: &mut Scratch,
+) -> Vec<u32> {
     let queues = [BinaryHeap::new(), BinaryHeap::new()];
-    let mut work = Work { graph, halves, gains: vec![0; n], moved: vec![false; n], queues };
+    let Scratch { gains, moved, .. } = scratch.of_size(graph.len());
+    let mut work = Work { graph, halves, gains, asked: Vec::new(), moved, queues };
     let mut boundary = candidates;
     boundary.retain(|&v| work.is_between(v));
     for _ in 0..PASSES {
@@ -92,6 +106,7 @@ pub(super) fn refine(graph: &Graph, halves: &mut Halves, candidates: Vec<u32>, m
         boundary.dedup();
         boundary.retain(|&v| work.is_between(v));
     }
+    work.asked.iter().for_each(|&v| work.gains[v as usize] = 0);
     boundary
 }
 
@@ -111,7 +126,7 @@ impl Work<'_> {
         let before = self.halves.cost(most);
         let (mut best, mut best_at) = (before, 0);
         let mut moves: Vec<u32> = Vec::new();
-        while moves.len() - best_at < PATIENCE {
+        while moves.len() - best_at < patience(self.graph.len()) {
             let Some(v) = self.next(most) else { break };
             self.shift(v);
             self.moved[v as usize] = true;
@@ -144,6 +159,7 @@ impl Work<'_> {
             let own = self.side(v);
             let signed = |(u, edge)| if self.side(u) == own { -i64::from(edge) } else { i64::from(edge) };
             self.gains[v as usize] = 2 * self.graph.edges(v).map(signed).sum::<i64>() + 1;
+            self.asked.push(v);
         }
         self.gains[v as usize] >> 1
     }

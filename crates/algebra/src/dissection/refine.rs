@@ -8,9 +8,38 @@ use super::graph::Graph;
 /// The side of vertices that separate.
 pub(super) const SEPARATOR: u8 = 2;
 
-/// How many moves without a gain a pass goes on for, and how many passes there are at most.
-pub(super) const PATIENCE: usize = 60;
+/// How many passes there are at most.
 pub(super) const PASSES: usize = 6;
+
+/// How many moves without a gain a pass goes on for. Of small graphs, which most are, as many as of large ones would
+/// move most of the vertices back and forth, for half of the time and 1 % of the entries.
+pub(super) fn patience(vertices: usize) -> usize {
+    (vertices / 50).clamp(10, 60)
+}
+
+/// Memory for refining, one for each thread, used again since memory that is new costs more than the work on a small
+/// graph.
+#[derive(Default)]
+pub(super) struct Scratch {
+    /// Zeros.
+    pub gains: Vec<i64>,
+    /// Whether a vertex has moved: none has.
+    pub moved: Vec<bool>,
+    /// Whatever was there.
+    pub beside: Vec<[u32; 2]>,
+}
+
+impl Scratch {
+    /// For a graph of so many vertices.
+    pub fn of_size(&mut self, vertices: usize) -> &mut Self {
+        if self.moved.len() < vertices {
+            self.gains.resize(vertices, 0);
+            self.moved.resize(vertices, false);
+            self.beside.resize(vertices, [0; 2]);
+        }
+        self
+    }
+}
 
 /// A graph in two sides without an edge between them, and the vertices that separate them.
 pub(super) struct Cut {
@@ -21,12 +50,6 @@ pub(super) struct Cut {
 }
 
 impl Cut {
-    pub fn new(graph: &Graph, side: Vec<u8>) -> Self {
-        let mut weights = [0; 3];
-        side.iter().zip(&graph.weights).for_each(|(&s, &w)| weights[s as usize] += u64::from(w));
-        Self { side, weights }
-    }
-
     /// What it costs, to compare it with other cuts of the same graph: first what a side weighs beyond `most`, then the
     /// separator and the imbalance.
     pub fn cost(&self, most: u64) -> (u64, u64, u64) {
@@ -49,27 +72,19 @@ struct Work<'a> {
     graph: &'a Graph,
     cut: &'a mut Cut,
     /// For each vertex of the separator the weight of its neighbours on either side.
-    beside: Vec<[u32; 2]>,
+    beside: &'a mut [[u32; 2]],
     separator: Vec<u32>,
     /// Vertices that have left the separator, or entered it, in this pass.
-    moved: Vec<bool>,
+    moved: &'a mut [bool],
     /// Moves of vertices out of the separator, by gain; outdated ones among them.
     queues: [BinaryHeap<(i64, u32)>; 2],
 }
 
 /// Moves vertices of the separator to one side, and their neighbours on the other side into the separator, while that
-/// makes it weigh less; no side becomes heavier than `most` unless it is.
-pub(super) fn refine(graph: &Graph, cut: &mut Cut, most: u64) {
-    let n = graph.len();
-    let mut work = Work {
-        graph,
-        cut,
-        beside: vec![[0; 2]; n],
-        separator: Vec::new(),
-        moved: vec![false; n],
-        queues: [BinaryHeap::new(), BinaryHeap::new()],
-    };
-    work.separator = (0..n as u32).filter(|&v| work.cut.side[v as usize] == SEPARATOR).collect();
+/// makes it weigh less; no side becomes heavier than `most` unless it is. `separator` are its vertices.
+pub(super) fn refine(graph: &Graph, cut: &mut Cut, separator: Vec<u32>, most: u64, scratch: &mut Scratch) {
+    let Scratch { beside, moved, .. } = scratch.of_size(graph.len());
+    let mut work = Work { graph, cut, beside, separator, moved, queues: [BinaryHeap::new(), BinaryHeap::new()] };
     for _ in 0..PASSES {
         if !work.pass(most) {
             break;
@@ -86,7 +101,7 @@ impl Work<'_> {
         // Vertices in the order of their changes, with the side where they were; ends of moves.
         let mut changes: Vec<(u32, u8)> = Vec::new();
         let mut since = 0;
-        while since < PATIENCE {
+        while since < patience(self.graph.len()) {
             let Some((v, to)) = self.next(most) else { break };
             self.apply(v, to, &mut changes);
             since += 1;
