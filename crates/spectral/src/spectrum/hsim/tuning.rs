@@ -185,7 +185,7 @@ pub(super) const TUNING: Tuning = Tuning {
     },
     slices: Slices { pairs: 250, fewest: 600, beyond: 12, close: 1e-6, close_up_to: 1000, loose: 1e-7 },
     hierarchy: Hierarchy { sigma: 10.0, guards: (32, 14), few: 12_000, small: 3000, middle_tolerance: 0.1 },
-    order: Order { columns: 128, numbers: 3e7, large: 1_000_000, many_rows: 5_000 },
+    order: Order { columns: 128, numbers: 3e7, large: 300_000, many_rows: 5_000 },
     iteration: Iteration {
         most_passes: 24,
         tight: 1e-4,
