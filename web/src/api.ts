@@ -153,13 +153,18 @@ export async function meshContent(path: string, progress: (fraction: number) => 
   }
 }
 
+const unpacked = (file: string) => file.replace(/\.(gz|zst)$/i, "");
+
+/** What the mesh of a file is called: its name without endings. */
+export const stem = (file: string) => unpacked(file).replace(/\.[^.]+$/, "").slice(0, 200);
+
 /** Uploads a file under its name; `sent` hears which fraction is on its way. */
 export function upload(file: File, sent: (fraction: number) => void): Promise<Mesh> {
   // fetch cannot tell how much of a body has been sent.
   const request = new XMLHttpRequest();
-  const plain = file.name.replace(/\.(gz|zst)$/i, "");
+  const plain = unpacked(file.name);
   const ending = /\.([^.]+)$/.exec(plain)?.[1]?.toLowerCase();
-  const query = new URLSearchParams({ name: plain.replace(/\.[^.]+$/, "").slice(0, 200) });
+  const query = new URLSearchParams({ name: stem(file.name) });
   if (ending) query.set("format", ending);
   request.open("POST", `/v1/meshes?${query}`);
   request.setRequestHeader("Content-Type", "application/octet-stream");
