@@ -125,13 +125,17 @@ const REASONS: Record<string, string> = {
   needle: ", since the mesh has a triangle of almost no height",
 };
 
+/** Whether an eigenvalue is zero, but for rounding. */
+export const vanishes = ({ eigenvalues }: Eigenbasis, k: number) => Math.abs(eigenvalues[k]) <= 1e-6 * Math.abs(eigenvalues[eigenvalues.length - 1]);
+
 /** What is proven about a basis, in words. */
 export function certificate(basis: Eigenbasis): HTMLElement {
   const { certificate: proof, eigenvalues, operator, parameters } = basis;
   const made = "laplacian" in operator ? operator : null;
   const laplacian = made?.laplacian === "robust" ? "the robust Laplacian" : made?.laplacian === "cotangent" ? "the cotangent Laplacian" : made?.laplacian === "polygon" ? "the Laplacian of the polygons" : "the operator";
   const reason = made ? (REASONS[made.reason] ?? "") : "";
-  const relative = eigenvalues.map((value, k) => proof.bounds[k] / Math.max(value, 1e-300)).slice(1).filter(Number.isFinite).sort((a, b) => a - b);
+  // Nothing is relative to zero, and there is one for each component, or for each harmonic field.
+  const relative = eigenvalues.map((value, k) => proof.bounds[k] / Math.abs(value)).filter((_, k) => !vanishes(basis, k)).filter(Number.isFinite).sort((a, b) => a - b);
   const worst = Math.max(...proof.residuals.slice(1), 0);
   const percent = (value: number) => (value < 1e-6 ? `${brief(value)} of it` : `${brief(100 * value)} %`);
   const hodge = "hodge" in operator ? operator.hodge : null;
