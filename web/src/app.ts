@@ -106,6 +106,8 @@ export class App {
     if (error instanceof ApiError) {
       const { title, detail, type, status } = error.problem;
       this.toast("error", title, detail, type);
+      // The basis that is shown was deleted elsewhere: nothing can be had of it any more.
+      if (status === 404 && this.basis && detail.includes(this.basis.id)) void this.drop(this.basis.id, this.basis.mesh).catch(this.fail);
       if (status === 401) document.querySelector<HTMLDetailsElement>("details.key")?.setAttribute("open", "");
     } else {
       this.toast("error", "Something went wrong in this page", error instanceof Error ? error.message : String(error));
@@ -374,17 +376,21 @@ export class App {
   async removeJob(job: Job) {
     try {
       await this.jobs.remove(job);
-      if (!job.basis) return;
-      this.known.delete(job.basis);
-      if (job.mesh !== this.mesh?.id) return;
-      await this.findBases();
-      if (this.basis?.id !== job.basis || this.bases.some(({ id }) => id === job.basis)) return;
-      this.panel?.hide();
-      this.basis = null;
-      this.tab(this.place.tab, false);
+      if (job.basis) await this.drop(job.basis, job.mesh);
     } catch (error) {
       this.fail(error);
     }
+  }
+
+  /** Goes on without a basis that was deleted. */
+  private async drop(basis: string, mesh: string | null) {
+    this.known.delete(basis);
+    if (mesh !== this.mesh?.id) return;
+    await this.findBases();
+    if (this.basis?.id !== basis || this.has(basis)) return;
+    this.panel?.hide();
+    this.basis = null;
+    this.tab(this.place.tab, false);
   }
 
   /** Shows what a job made, where it is of the open mesh. */

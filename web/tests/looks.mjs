@@ -240,6 +240,17 @@ export async function looks(site) {
     assert.ok(Math.abs(said / worst - 1) < 0.01, `${said} for ${worst}`);
   });
 
+  await test("no line covers a part of a surface on which nothing changes", async () => {
+    const drawnWith = (lines) => page.evaluate(async (lines) => {
+      const { viewer } = window.chladni;
+      viewer.setScalar({ values: new Float32Array(viewer.surface.positions.length / 3), range: [-1, 1], diverging: true });
+      viewer.lines(lines);
+      return (await viewer.snapshot()).arrayBuffer().then((bytes) => [...new Uint8Array(bytes)].join());
+    }, lines);
+    assert.equal(await drawnWith(16), await drawnWith(0));
+    await page.evaluate(() => window.chladni.viewer.lines(16));
+  });
+
   await test("points without faces are seen, clicked and filtered", async () => {
     const before = await seen();
     await page.evaluate(async () => {

@@ -107,6 +107,30 @@ export async function meanwhile(site) {
     await close();
   });
 
+  await test("a basis that others delete gives way to another, and nothing of it stays", async () => {
+    const { one } = await ids();
+    await page.evaluate((id) => window.chladni.app.open(id), one);
+    await page.waitForFunction(() => document.body.dataset.mode);
+    const { items } = await api(`/v1/jobs?limit=50`);
+    const [, basis] = await shown();
+    await api(`/v1/jobs/${items.find((job) => job.basis === basis).id}?cascade=true`, "DELETE");
+    await page.getByRole("button", { name: "Next mode" }).click();
+    await page.getByRole("alert").getByText("There is no such basis").waitFor();
+    await page.waitForFunction((basis) => window.chladni.app.basis && window.chladni.app.basis.id !== basis && document.body.dataset.mode, basis);
+    assert.ok(!(await page.evaluate(() => location.hash)).includes(basis));
+    await close();
+    // What the server does not give is not shown under its name either.
+    await page.route(/\/modes\?/, (route) => route.fulfill({ status: 500, contentType: "application/problem+json", body: JSON.stringify({ type: "", title: "It broke", detail: "Nobody knows why." }) }));
+    await page.getByRole("button", { name: "Next mode" }).click();
+    await page.getByRole("alert").getByText("Nobody knows why.").waitFor();
+    assert.ok(await page.locator(".legend").isHidden());
+    await page.unroute(/\/modes\?/);
+    await page.getByRole("button", { name: "Next mode" }).click();
+    await page.waitForFunction(() => document.body.dataset.mode);
+    assert.ok(await page.locator(".legend").isVisible());
+    await close();
+  });
+
   await test("a step back opens a surface once", async () => {
     const { one, second } = await ids();
     await page.evaluate((id) => window.chladni.app.open(id), one);

@@ -62,7 +62,16 @@ export function modesPanel(app: App, look: Look): Panel {
     if (app.swinging && !playing && !calm()) swing(true);
     app.swinging = false;
     document.body.dataset.mode = String(mode);
-  }, app.fail);
+  }, (error) => {
+    app.fail(error);
+    if (app.panel !== panel) return;
+    // The mode before would stand beside the eigenvalue of the one that could not be had.
+    if (playing) swing(false);
+    hodge.hide();
+    look.show(null);
+    app.title.textContent = app.mesh?.name ?? "";
+    delete document.body.dataset.mode;
+  });
 
   const hodge = new HodgeModes(app, look, (mode) => select(mode));
   const compare = comparison(app, (id) => line(app.bases.find((basis) => basis.id === id)!));
