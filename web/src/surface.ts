@@ -41,21 +41,29 @@ function outward(positions: Float32Array, out: Float32Array): Float32Array {
   return normalised(out);
 }
 
+/** Neighbours of a vertex among which one is looked for one by one. */
+const FEW = 24;
+
 /** The two ends of every edge, once each. */
 export function edges({ positions, triangles: t }: Surface): Uint32Array {
+  // By their smaller ends, which have few each: a set of a million edges takes seconds.
+  const places = new Uint32Array(positions.length / 3 + 2);
+  const next = (i: number) => t[i % 3 === 2 ? i - 2 : i + 1];
+  for (let i = 0; i < t.length; i++) places[Math.min(t[i], next(i)) + 2] += 1;
+  for (let v = 2; v < places.length; v++) places[v] += places[v - 1];
+  const others = new Uint32Array(t.length);
+  for (let i = 0; i < t.length; i++) others[places[Math.min(t[i], next(i)) + 1]++] = Math.max(t[i], next(i));
   const ends = new Uint32Array(2 * t.length);
-  const given = new Set<number>();
-  const most = positions.length / 3;
   let at = 0;
-  // Two triangles go along an edge in opposite directions; at a boundary, or where they are not oriented alike, either may be alone.
-  for (const forward of [true, false]) {
-    for (let i = 0; i < t.length; i++) {
-      const [a, b] = [t[i], t[i % 3 === 2 ? i - 2 : i + 1]];
-      if (a < b !== forward) continue;
-      const key = Math.min(a, b) * most + Math.max(a, b);
-      if (given.has(key)) continue;
-      given.add(key);
-      [ends[at], ends[at + 1]] = [a, b];
+  for (let v = 0; v + 2 < places.length; v++) {
+    const own = others.subarray(places[v], places[v + 1]);
+    if (own.length > FEW) own.sort();
+    for (let k = 0; k < own.length; k++) {
+      // Sorted ones have their like beside them.
+      let known = own.length > FEW ? k - 1 : 0;
+      while (known >= 0 && known < k && own[known] !== own[k]) known += 1;
+      if (known >= 0 && known < k) continue;
+      [ends[at], ends[at + 1]] = [v, own[k]];
       at += 2;
     }
   }
