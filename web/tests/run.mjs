@@ -530,6 +530,9 @@ async function everything() {
     try {
       const visitor = await locked.open();
       await visitor.getByRole("alert").getByText(/key/i).first().waitFor();
+      await visitor.getByLabel("API key").fill("\u200bsecret");
+      await visitor.getByRole("button", { name: "Use" }).click();
+      await visitor.getByRole("alert").getByText("This cannot be an API key").waitFor();
       await visitor.getByLabel("API key").fill(secret);
       await visitor.getByRole("button", { name: "Use" }).click();
       await upload(visitor, knot);
