@@ -159,6 +159,9 @@ export async function meshContent(path: string, progress: (fraction: number) => 
   }
 }
 
+/** Endings of files by which the server knows their format; what has another may still begin like one of them, and is looked at. */
+export const ENDINGS = ["obj", "ply", "off", "coff", "noff", "stl", "mesh", "meshb", "vtk", "vtp", "vtu", "msh", "gmsh", "surf", "fsurf", "pial", "white", "orig", "smoothwm", "inflated", "sphere", "gltf", "glb", "gii", "gifti", "npz", "json"];
+
 const unpacked = (file: string) => file.replace(/\.(gz|zst)$/i, "");
 
 /** What the mesh of a file is called: its name without endings. */
@@ -171,7 +174,7 @@ export function upload(file: File, sent: (fraction: number) => void): Promise<Me
   const plain = unpacked(file.name);
   const ending = /\.([^.]+)$/.exec(plain)?.[1]?.toLowerCase();
   const query = new URLSearchParams({ name: stem(file.name) });
-  if (ending) query.set("format", ending);
+  if (ending && ENDINGS.includes(ending)) query.set("format", ending);
   request.open("POST", `/v1/meshes?${query}`);
   request.setRequestHeader("Content-Type", "application/octet-stream");
   if (plain !== file.name) request.setRequestHeader("Content-Encoding", /\.gz$/i.test(file.name) ? "gzip" : "zstd");

@@ -1,6 +1,6 @@
 // The left column: files come in, meshes are listed, jobs report.
 
-import { ApiError, stem, upload, type Mesh } from "./api";
+import { ApiError, ENDINGS, stem, upload, type Mesh } from "./api";
 import type { App } from "./app";
 import { brief, choice, grouped, h, plural, words } from "./dom";
 import { jobCard, renew } from "./queue";
@@ -11,7 +11,7 @@ import { samples } from "./welcome";
 const MOST_JOBS = 4;
 
 export function library(app: App): HTMLElement {
-  const input = h("input", { type: "file", multiple: true, class: "visually-hidden", id: "file", accept: ".obj,.ply,.off,.stl,.mesh,.vtk,.vtp,.vtu,.msh,.white,.pial,.inflated,.gltf,.glb,.gii,.gz,.zst" });
+  const input = h("input", { type: "file", multiple: true, class: "visually-hidden", id: "file", accept: [...ENDINGS, "gz", "zst"].map((ending) => `.${ending}`).join(",") });
   const drop = h("label", { class: "drop", for: "file" }, h("strong", {}, "Drop a mesh here"), h("span", {}, "or choose one: OBJ, PLY, OFF, STL, MEDIT, VTK, Gmsh, FreeSurfer, glTF, GIFTI; also gzipped"), input);
   const uploads = h("div", { class: "uploads" });
   const jobs = h("div", { class: "jobs", role: "group", "aria-label": "Jobs" });

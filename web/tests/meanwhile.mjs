@@ -175,6 +175,9 @@ export async function meanwhile(site) {
     await page.locator("li.open strong").getByText("corner").waitFor();
     await page.setInputFiles("#file", { name: "edge.obj", mimeType: "model/obj", buffer: Buffer.from("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 3 4\nf 1 4 2\n") });
     await page.getByText("What is in edge.obj is stored as corner.").waitFor();
+    // An ending that says nothing keeps no file from being looked at.
+    await page.setInputFiles("#file", { name: "corner.2024", mimeType: "", buffer: Buffer.from("OFF\n4 2 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 1 2\n3 0 2 3\n") });
+    await page.waitForFunction(() => window.chladni.app.mesh?.faces === 2 && window.chladni.app.mesh.name === "corner");
     await close();
   });
   await page.context().close();
