@@ -119,7 +119,7 @@ void main() {
       if (diverging > 0.5) ink = max(0.55 * ink, clamp(2.13 - 1.25 * abs(s - 0.5 * lines) / w, 0.0, 1.0));
       else ink *= 0.6;
       // Where nothing changes, as on a component that a mode does not reach, all would be line.
-      ink *= clamp(2e4 * w, 0.0, 1.0);
+      ink *= clamp(2e4 * w - 0.1, 0.0, 1.0);
       // What lies beyond the range is a plateau: no line of any width runs there.
       if (part > 0.0 && part < 1.0) shown = mix(shown, vec3(0.06), ink);
     }

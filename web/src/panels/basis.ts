@@ -136,13 +136,13 @@ export function certificate(basis: Eigenbasis): HTMLElement {
   const reason = made ? (REASONS[made.reason] ?? "") : "";
   // Nothing is relative to zero, and there is one for each component, or for each harmonic field.
   const relative = eigenvalues.map((value, k) => proof.bounds[k] / Math.abs(value)).filter((_, k) => !vanishes(basis, k)).filter(Number.isFinite).sort((a, b) => a - b);
-  const worst = Math.max(...proof.residuals.slice(1), 0);
+  const worst = Math.max(...proof.residuals, 0);
   const percent = (value: number) => (value < 1e-6 ? `${brief(value)} of it` : `${brief(100 * value)} %`);
   const hodge = "hodge" in operator ? operator.hodge : null;
   const sentences: HTMLElement[] = [
     hodge
-      ? h("p", {}, `${grouped(eigenvalues.length)} eigenfields of the Hodge–Laplacian: ${grouped(hodge.harmonic)} harmonic, ${plural(hodge.gradients, "gradient")}, ${plural(hodge.co_gradients, "co-gradient")}.`)
-      : h("p", {}, `${grouped(eigenvalues.length)} eigenpairs of ${laplacian}${reason}.`),
+      ? h("p", {}, `${plural(eigenvalues.length, "eigenfield")} of the Hodge–Laplacian: ${grouped(hodge.harmonic)} harmonic, ${plural(hodge.gradients, "gradient")}, ${plural(hodge.co_gradients, "co-gradient")}.`)
+      : h("p", {}, `${plural(eigenvalues.length, "eigenpair")} of ${laplacian}${reason}.`),
   ];
   if (proof.accuracy) {
     const { goal, largest_estimate, reached } = proof.accuracy;
@@ -158,7 +158,9 @@ export function certificate(basis: Eigenbasis): HTMLElement {
   }
   if (proof.complete === true) {
     const last = proof.inertia[proof.inertia.length - 1];
-    sentences.push(h("p", { class: "proven" }, `Proven complete: ${proof.inertia.length === 1 ? "an inertia count" : `${proof.inertia.length} inertia counts`} show${proof.inertia.length === 1 ? "s" : ""} that no eigenvalue was skipped${last ? `; below ${brief(last.shift)} there are exactly ${grouped(last.below)}` : ""}.`));
+    // Fields are counted by the functions that they come from.
+    const counts = last ? plural(proof.inertia.length, "inertia count") : "inertia counts in two scalar spectra";
+    sentences.push(h("p", { class: "proven" }, `Proven complete: ${counts.replace(/^1 /, "an ")} show${proof.inertia.length === 1 ? "s" : ""} that no eigenvalue was skipped${last ? `; below ${brief(last.shift)} there are exactly ${grouped(last.below)}` : ""}.`));
   } else if (proof.complete === false) sentences.push(h("p", { class: "unproven" }, "Not proven complete: an eigenvalue may be missing."));
   else sentences.push(h("p", {}, "The approximate method counts whether an eigenvalue was skipped only where it is asked to certify; the exact method always does."));
   sentences.push(h("p", {}, `The eigenfunctions are orthonormal to ${brief(proof.orthonormality_defect)}.`));

@@ -70,8 +70,11 @@ export function pointsPanel(app: App, look: Look): Panel {
 
   const times = (basis: Basis, scale: number) => {
     const values = basis.eigenvalues;
-    const first = values.find((value) => value > 1e-8 * values[values.length - 1]) ?? 1;
-    const [short, long] = [1 / values[values.length - 1], 2 / first];
+    const last = values[values.length - 1];
+    // Of a basis of constants alone there is no time; the server says why.
+    const first = values.find((value) => value > 1e-8 * last);
+    if (first === undefined) return 1;
+    const [short, long] = [1 / last, 2 / first];
     return short * (long / short) ** scale;
   };
 
