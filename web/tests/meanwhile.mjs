@@ -1,9 +1,20 @@
 // What happens meanwhile: answers that come late, and what others make and delete while one looks.
 
 import assert from "node:assert/strict";
+import { start } from "./harness.mjs";
 import { kit } from "./kit.mjs";
 
-export async function meanwhile(site) {
+/** On a server of its own: what is stored there already would keep its name. */
+export async function meanwhile() {
+  const site = await start();
+  try {
+    await tests(site);
+  } finally {
+    await site.stop();
+  }
+}
+
+async function tests(site) {
   const { test, opened } = kit(site);
   const page = await site.open();
   const api = (path, method = "GET", body = undefined) =>
@@ -129,6 +140,17 @@ export async function meanwhile(site) {
     await page.waitForFunction(() => document.body.dataset.mode);
     assert.ok(await page.locator(".legend").isVisible());
     await close();
+  });
+
+  await test("a form that is being filled in stays, whatever job ends", async () => {
+    const form = page.locator("#panel-modes .head details.new");
+    await form.locator("summary").click();
+    await form.getByLabel("Eigenpairs").fill("77");
+    await page.evaluate(() => window.chladni.app.submit("eigenbasis", { count: 21 }));
+    await page.waitForFunction(() => window.chladni.app.basis?.count === 21 && document.body.dataset.mode);
+    assert.deepEqual([await form.evaluate(({ open }) => open), await form.getByLabel("Eigenpairs").inputValue()], [true, "77"]);
+    assert.equal(await page.evaluate(() => document.activeElement.getAttribute("aria-label")), "Eigenpairs");
+    await form.locator("summary").click();
   });
 
   await test("a step back opens a surface once", async () => {

@@ -38,7 +38,9 @@ export function basisHead(app: App, panel: () => Panel, name: string, form: HTML
       const select = choice(bases.map((basis) => [basis.id, `${bases.some((other) => other !== basis && line(other) === line(basis)) ? `${new Date(basis.created_ms).toLocaleTimeString()} · ` : ""}${line(basis)}`]), app.basis?.id ?? "", (id) => app.use(id, true).catch(app.fail), name);
       refill(chooser, field(name[0].toUpperCase() + name.slice(1), select));
     }
-    details.open = bases.length === 0;
+    // Whoever is filling it in goes on: a job that ends elsewhere is no reason to fold it.
+    const typing = document.activeElement?.matches("input, select") && details.contains(document.activeElement);
+    if (!typing) details.open = bases.length === 0;
     details.hidden = app.mesh === null;
   };
   app.on("bases", update);
