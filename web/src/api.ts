@@ -49,6 +49,12 @@ export const key = {
   set: (secret: string) => (secret ? sessionStorage.setItem(KEY, secret) : sessionStorage.removeItem(KEY)),
 };
 
+/** The header that carries the key. A browser refuses letters beyond ASCII in its own words, and what is copied may bring some along unseen. */
+function authorization(): string {
+  if (/[^\x21-\x7e]/.test(key.get())) throw new ApiError({ type: "", title: "This cannot be an API key", status: 401, detail: "It has a character that no request can carry: a space, or one beyond ASCII. Was something else copied with it?" });
+  return `Bearer ${key.get()}`;
+}
+
 // The page draws the mesh that was kept of a file, and numbers vertices and faces as that does.
 const numbered = /^\/v1\/(functional-maps|meshes\/[^/?]+\/(?:frames|surface)|bases\/[^/?]+\/(?!content)[^?]+)(\?|$)/;
 
@@ -68,7 +74,7 @@ export async function send(path: string, init: RequestInit = {}): Promise<Respon
     const body = typeof init.body === "string" ? (JSON.parse(init.body) as unknown) : undefined;
     recent.shown = { method: init.method ?? "GET", path: kept(path, init.method), body, accept: headers.get("Accept") ?? undefined };
   }
-  if (key.get()) headers.set("Authorization", `Bearer ${key.get()}`);
+  if (key.get()) headers.set("Authorization", authorization());
   let response: Response;
   try {
     response = await fetch(kept(path, init.method), { ...init, headers });
@@ -153,18 +159,26 @@ export async function meshContent(path: string, progress: (fraction: number) => 
   }
 }
 
+/** Endings of files by which the server knows their format; what has another may still begin like one of them, and is looked at. */
+export const ENDINGS = ["obj", "ply", "off", "coff", "noff", "stl", "mesh", "meshb", "vtk", "vtp", "vtu", "msh", "gmsh", "surf", "fsurf", "pial", "white", "orig", "smoothwm", "inflated", "sphere", "gltf", "glb", "gii", "gifti", "npz", "json"];
+
+const unpacked = (file: string) => file.replace(/\.(gz|zst)$/i, "");
+
+/** What the mesh of a file is called: its name without endings. */
+export const stem = (file: string) => unpacked(file).replace(/\.[^.]+$/, "").slice(0, 200);
+
 /** Uploads a file under its name; `sent` hears which fraction is on its way. */
 export function upload(file: File, sent: (fraction: number) => void): Promise<Mesh> {
   // fetch cannot tell how much of a body has been sent.
   const request = new XMLHttpRequest();
-  const plain = file.name.replace(/\.(gz|zst)$/i, "");
+  const plain = unpacked(file.name);
   const ending = /\.([^.]+)$/.exec(plain)?.[1]?.toLowerCase();
-  const query = new URLSearchParams({ name: plain.replace(/\.[^.]+$/, "").slice(0, 200) });
-  if (ending) query.set("format", ending);
+  const query = new URLSearchParams({ name: stem(file.name) });
+  if (ending && ENDINGS.includes(ending)) query.set("format", ending);
   request.open("POST", `/v1/meshes?${query}`);
   request.setRequestHeader("Content-Type", "application/octet-stream");
   if (plain !== file.name) request.setRequestHeader("Content-Encoding", /\.gz$/i.test(file.name) ? "gzip" : "zstd");
-  if (key.get()) request.setRequestHeader("Authorization", `Bearer ${key.get()}`);
+  if (key.get()) request.setRequestHeader("Authorization", authorization());
   request.upload.onprogress = (event) => sent(event.loaded / event.total);
   return new Promise((resolve, reject) => {
     const fail = (problem: Problem) => reject(new ApiError(problem));

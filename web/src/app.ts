@@ -6,7 +6,7 @@ import { h } from "./dom";
 import type { FaceField } from "./files";
 import { prepared } from "./geometry";
 import { Jobs } from "./jobs";
-import { pack, read, unpack, write, type Place } from "./place";
+import { pack, read, same, unpack, write, type Place } from "./place";
 import type { Viewer } from "./viewer";
 
 /** One tab. `show` runs whenever it becomes visible and whenever mesh or basis change under it. */
@@ -56,7 +56,10 @@ export class App {
       pause = window.setTimeout(() => this.go({ view: viewer.view }), 150);
     };
     window.addEventListener("popstate", () => void this.arrive());
-    window.addEventListener("hashchange", () => void this.arrive());
+    // Most of the time this is the second word about a step that was taken already: opening a large mesh twice takes twice as long.
+    window.addEventListener("hashchange", () => {
+      if (!same(read(), this.place)) void this.arrive();
+    });
   }
 
   on(happening: Happening, listener: () => void) {
@@ -103,6 +106,8 @@ export class App {
     if (error instanceof ApiError) {
       const { title, detail, type, status } = error.problem;
       this.toast("error", title, detail, type);
+      // The basis that is shown was deleted elsewhere: nothing can be had of it any more.
+      if (status === 404 && this.basis && detail.includes(this.basis.id)) void this.drop(this.basis.id, this.basis.mesh).catch(this.fail);
       if (status === 401) document.querySelector<HTMLDetailsElement>("details.key")?.setAttribute("open", "");
     } else {
       this.toast("error", "Something went wrong in this page", error instanceof Error ? error.message : String(error));
@@ -145,6 +150,7 @@ export class App {
 
   /** Opens what the address names. */
   async arrive() {
+    const turn = ++this.arriving;
     const place = read();
     const moved = place.mesh !== this.mesh?.id;
     if (place.tab !== this.place.tab) this.panel?.hide();
@@ -159,10 +165,28 @@ export class App {
         if (first) await this.open(first.id, false);
         else this.tab(place.tab, false);
       } else if (moved) await this.open(place.mesh, false, true);
-      else this.tab(place.tab, false);
+      else {
+        // A basis that was made elsewhere meanwhile.
+        if (place.basis && !this.has(place.basis)) await this.findBases().catch(this.fail);
+        if (turn === this.arriving) this.tab(place.tab, false);
+      }
+      // Another one is shown in its place, and nobody would notice.
+      if (turn === this.arriving && place.basis && place.mesh === this.mesh?.id && !this.has(place.basis)) {
+        this.toast("note", "That basis is not there", "The address names a basis that this surface does not have: it was deleted, or never was. What is shown is of another one, or of none.");
+      }
     } catch (error) {
       this.fail(error);
+      // The address says what is shown, and a tab is open whatever it said.
+      if (turn !== this.arriving || place.mesh !== this.place.mesh) return;
+      this.go({ mesh: this.mesh?.id, basis: this.basis?.id, design: undefined });
+      this.tab(place.tab, false);
     }
+  }
+
+  private arriving = 0;
+
+  private has(basis: string) {
+    return this.bases.some(({ id }) => id === basis);
   }
 
   /** Only meshes with this in their name are listed. */
@@ -206,6 +230,11 @@ export class App {
       this.emit("mesh");
       await this.findBases();
       if (turn === this.opening) this.tab(this.place.tab, false);
+    } catch (error) {
+      // Somebody else has deleted it: nobody should be sent there again.
+      if (error instanceof ApiError && error.problem.status === 404) this.lose(id);
+      // What an earlier wish came to is of no interest any more.
+      if (turn === this.opening) throw error;
     } finally {
       if (turn === this.opening) this.working(null);
     }
@@ -215,10 +244,12 @@ export class App {
   async rename(name: string) {
     if (!this.mesh) return;
     const mesh = await rename(this.mesh.id, name);
-    this.mesh = mesh;
     this.meshes = this.meshes.map((other) => (other.id === mesh.id ? mesh : other));
+    // Another one may have been opened meanwhile.
+    const open = this.mesh?.id === mesh.id;
+    if (open) this.mesh = mesh;
     this.emit("meshes");
-    this.panel?.show();
+    if (open) this.panel?.show();
   }
 
   /** Meshes that were deleted here. */
@@ -228,16 +259,20 @@ export class App {
   async remove() {
     if (!this.mesh) return;
     const { id, name } = this.mesh;
-    await remove(id);
-    this.gone.add(id);
-    this.meshes = this.meshes.filter((mesh) => mesh.id !== id);
-    this.emit("meshes");
-    this.jobs.forget(({ mesh }) => mesh === id);
+    try {
+      await remove(id);
+    } catch (error) {
+      // Deleted is what it was to be, whoever did it.
+      if (!(error instanceof ApiError) || error.problem.status !== 404) throw error;
+    }
+    this.lose(id);
     this.toast("note", "Deleted", `${name ?? "The mesh"} and what was computed on it.`);
     if (!this.meshes.length) {
       this.sought = "";
       await this.list();
     }
+    // Another one may have been opened meanwhile.
+    if (this.mesh?.id !== id) return;
     if (this.meshes[0]) return this.open(this.meshes[0].id);
     this.panel?.hide();
     [this.mesh, this.basis, this.bases] = [null, null, []];
@@ -245,6 +280,14 @@ export class App {
     this.go({ mesh: undefined, basis: undefined, view: undefined, up: undefined, design: undefined });
     this.emit("mesh");
     this.tab(this.place.tab, false);
+  }
+
+  /** Forgets a mesh that was deleted. */
+  private lose(id: string) {
+    this.gone.add(id);
+    this.meshes = this.meshes.filter((mesh) => mesh.id !== id);
+    this.emit("meshes");
+    this.jobs.forget(({ mesh }) => mesh === id);
   }
 
   /** Reads which bases there are on the mesh. */
@@ -333,17 +376,21 @@ export class App {
   async removeJob(job: Job) {
     try {
       await this.jobs.remove(job);
-      if (!job.basis) return;
-      this.known.delete(job.basis);
-      if (job.mesh !== this.mesh?.id) return;
-      await this.findBases();
-      if (this.basis?.id !== job.basis || this.bases.some(({ id }) => id === job.basis)) return;
-      this.panel?.hide();
-      this.basis = null;
-      this.tab(this.place.tab, false);
+      if (job.basis) await this.drop(job.basis, job.mesh);
     } catch (error) {
       this.fail(error);
     }
+  }
+
+  /** Goes on without a basis that was deleted. */
+  private async drop(basis: string, mesh: string | null) {
+    this.known.delete(basis);
+    if (mesh !== this.mesh?.id) return;
+    await this.findBases();
+    if (this.basis?.id !== basis || this.has(basis)) return;
+    this.panel?.hide();
+    this.basis = null;
+    this.tab(this.place.tab, false);
   }
 
   /** Shows what a job made, where it is of the open mesh. */

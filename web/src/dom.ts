@@ -72,7 +72,7 @@ export function brief(value: number): string {
   if (!Number.isFinite(value)) return "–";
   if (value === 0) return "0";
   const size = Math.abs(value);
-  if (size >= 1e5 || size < 1e-3) return value.toExponential(1).replace("e", " · 10^").replace("^+", "^").replace(/\^(-?\d+)/, (_, power: string) => superscript(power));
+  if (size >= 1e5 || size < 1e-3) return Number(value.toPrecision(3)).toExponential().replace("e", " · 10^").replace("^+", "^").replace(/\^(-?\d+)/, (_, power: string) => superscript(power));
   return Number(value.toPrecision(3)).toLocaleString("en-GB", { maximumFractionDigits: 6 });
 }
 
@@ -85,19 +85,21 @@ export const power = (exponent: number) => (exponent >= -2 && exponent <= 3 ? br
 
 /** Bytes with a unit. */
 export function bytes(count: number): string {
-  const units = ["B", "kB", "MB", "GB"];
+  const units = ["B", "kB", "MB", "GB", "TB"];
   let unit = 0;
-  while (count >= 1000 && unit < 3) {
+  // What would be rounded to a thousand is one of the next.
+  while (count >= 999.5 && unit < units.length - 1) {
     count /= 1000;
     unit += 1;
   }
-  return `${unit === 0 ? count : count.toPrecision(3)} ${units[unit]}`;
+  return `${unit === 0 ? count : count < 1000 ? count.toPrecision(3) : grouped(Math.round(count))} ${units[unit]}`;
 }
 
 /** `0.42 s`, `3 min`. */
 export function seconds(value: number): string {
-  if (value < 60) return `${value < 10 ? value.toFixed(2) : value.toFixed(1)} s`;
-  return `${Math.floor(value / 60)} min ${Math.round(value % 60)} s`;
+  if (value < 59.95) return `${value < 9.995 ? value.toFixed(2) : value.toFixed(1)} s`;
+  const whole = Math.round(value);
+  return whole < 3600 ? `${Math.floor(whole / 60)} min ${whole % 60} s` : `${Math.floor(whole / 3600)} h ${Math.floor((whole % 3600) / 60)} min`;
 }
 
 /** Words of an identifier: `non_manifold_edge` as `non-manifold edge`. */

@@ -1,6 +1,6 @@
 // The left column: files come in, meshes are listed, jobs report.
 
-import { upload, type Mesh } from "./api";
+import { ApiError, ENDINGS, stem, upload, type Mesh } from "./api";
 import type { App } from "./app";
 import { brief, choice, grouped, h, plural, words } from "./dom";
 import { jobCard, renew } from "./queue";
@@ -11,7 +11,7 @@ import { samples } from "./welcome";
 const MOST_JOBS = 4;
 
 export function library(app: App): HTMLElement {
-  const input = h("input", { type: "file", multiple: true, class: "visually-hidden", id: "file", accept: ".obj,.ply,.off,.stl,.mesh,.vtk,.vtp,.vtu,.msh,.white,.pial,.inflated,.gltf,.glb,.gii,.gz,.zst" });
+  const input = h("input", { type: "file", multiple: true, class: "visually-hidden", id: "file", accept: [...ENDINGS, "gz", "zst"].map((ending) => `.${ending}`).join(",") });
   const drop = h("label", { class: "drop", for: "file" }, h("strong", {}, "Drop a mesh here"), h("span", {}, "or choose one: OBJ, PLY, OFF, STL, MEDIT, VTK, Gmsh, FreeSurfer, glTF, GIFTI; also gzipped"), input);
   const uploads = h("div", { class: "uploads" });
   const jobs = h("div", { class: "jobs", role: "group", "aria-label": "Jobs" });
@@ -34,7 +34,8 @@ export function library(app: App): HTMLElement {
   const tools = h("div", { class: "seek", hidden: true }, search, sort);
   const more = h("button", { class: "quiet", hidden: true, onclick: () => app.list(true).catch(app.fail) }, "Older ones");
 
-  const take = async (files: Iterable<File>) => {
+  const take = async (list: Iterable<File>) => {
+    const files = [...list];
     for (const file of files) {
       const bar = h("progress", { max: 1, value: 0 });
       const row = h("div", { class: "card" }, h("strong", {}, file.name), bar, h("small", {}, "uploading …"));
@@ -44,10 +45,14 @@ export function library(app: App): HTMLElement {
           bar.value = fraction;
           if (fraction === 1) row.lastElementChild!.textContent = "being read and checked …";
         });
+        // What came is seen, whatever was searched for.
+        app.sought = search.value = "";
         await app.list();
+        if (mesh.name && mesh.name !== stem(file.name)) app.toast("note", "Known already", `What is in ${file.name} is stored as ${mesh.name}.`);
         await app.open(mesh.id);
       } catch (error) {
-        app.fail(error);
+        // Of several files it is told which one.
+        app.fail(files.length > 1 && error instanceof ApiError ? new ApiError({ ...error.problem, detail: `${file.name}: ${error.problem.detail}` }) : error);
       }
       row.remove();
     }
@@ -80,6 +85,9 @@ export function library(app: App): HTMLElement {
     const sorted = app.meshes.slice();
     if (order === "name") sorted.sort((a, b) => title(a).localeCompare(title(b), undefined, { numeric: true }));
     if (order === "size") sorted.sort((a, b) => b.vertices - a.vertices);
+    // An address or a job may have opened one that is older than those that are listed; only here it can be renamed and deleted.
+    const { mesh } = app;
+    if (mesh && !app.sought && !app.gone.has(mesh.id) && !sorted.some(({ id }) => id === mesh.id)) sorted.unshift(mesh);
     meshes.replaceChildren(...sorted.map((mesh) => meshItem(app, mesh)));
     if (inside) meshes.querySelector<HTMLElement>("button[aria-current]")?.focus();
     tools.hidden = app.meshes.length < 4 && !app.sought;
@@ -147,16 +155,30 @@ function handles(app: App, mesh: Mesh): HTMLElement {
   return row;
 }
 
+/** A surface is seen to be coarse where single precision has fewer steps than this along its longest side. */
+const STEPS = 1000;
+
+/** The step between neighbouring numbers of single precision where a mesh lies; 0 where it is too fine to be seen. */
+function coarse({ report: { bounding_box } }: Mesh): number {
+  const [low, high] = bounding_box ?? [[], []];
+  const far = Math.max(...low.map(Math.abs), ...high.map(Math.abs));
+  const step = 2 ** (Math.floor(Math.log2(far)) - 23);
+  return STEPS * step > Math.max(...high.map((value, k) => value - low[k])) ? step : 0;
+}
+
 /** What was found in a mesh, in words. */
 function report(mesh: Mesh): HTMLElement {
-  const { genus, components, boundary_loops: loops, area, defects, repairs } = mesh.report;
-  const shape = [plural(mesh.faces, "face"), plural(components, "component"), genus === null ? null : `genus ${genus}`, loops ? plural(loops, "boundary loop") : "closed", `area ${brief(area)}`];
+  const { genus, components, boundary_loops: loops, closed, points, area, defects, repairs } = mesh.report;
+  const rim = loops ? plural(loops, "boundary loop") : closed ? "closed" : null;
+  const shape = [points ? "points without faces" : plural(mesh.faces, "face"), plural(components, "component"), genus === null ? null : `genus ${genus}`, rim, `area ${brief(area)}`];
+  const grain = coarse(mesh);
   const line = (defect: (typeof defects)[number] | (typeof repairs)[number]) => {
     const where = "examples" in defect && defect.examples.length ? ` (${defect.element} ${defect.examples.slice(0, 3).map(grouped).join(", ")}${defect.count > 3 ? " …" : ""})` : "";
     return h("li", {}, `${grouped(defect.count)} × ${words(defect.kind)}${where}`);
   };
   return h("div", { class: "report" },
     h("p", {}, shape.filter(Boolean).join(" · ")),
+    grain > 0 && h("p", { class: "unproven" }, `Far from the origin for its size: what is drawn here, and taken away from here, is in steps of ${brief(grain)}. What the server computes is not.`),
     defects.length > 0 && h("details", { class: "defects" }, h("summary", {}, `${plural(defects.length, "kind")} of defect found`), h("ul", {}, ...defects.map(line))),
     repairs.length > 0 && h("details", { class: "defects" }, h("summary", {}, `${plural(repairs.length, "repair")} done`), h("ul", {}, ...repairs.map(line))));
 }

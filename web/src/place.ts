@@ -45,6 +45,9 @@ export function read(): Place {
   };
 }
 
+/** Whether two places are one. */
+export const same = (one: Place, other: Place) => (Object.keys({ ...one, ...other }) as (keyof Place)[]).every((name) => (one[name] ?? "") === (other[name] ?? ""));
+
 /** Writes the place into the address; a new entry in the history only where `step` is set. */
 export function write(place: Place, step: boolean) {
   const entries = new URLSearchParams();

@@ -2,6 +2,7 @@
 
 import { BufferAttribute, BufferGeometry, Color, Matrix4, Mesh, PerspectiveCamera, Scene, WebGLRenderTarget, type WebGLRenderer } from "three";
 import { meshContent, type Mesh as Stored } from "./api";
+import { cloud } from "./cloud";
 import { prepared, type Prepared } from "./geometry";
 import { h } from "./dom";
 import { Shading } from "./shading";
@@ -21,7 +22,7 @@ export function portrait(renderer: WebGLRenderer, surface: Prepared): ImageData 
   geometry.setAttribute("normal", new BufferAttribute(surface.normals, 3));
   geometry.setIndex(new BufferAttribute(surface.levels[surface.levels.length - 1], 1));
   const shading = new Shading();
-  const mesh = new Mesh(geometry, shading.fine);
+  const mesh = surface.triangles.length ? new Mesh(geometry, shading.fine) : cloud(geometry.setIndex(null), shading);
   mesh.frustumCulled = false;
   const rows = AXES[surface.up].map(([axis, sign]) => [0, 1, 2].map((k) => (k === axis ? sign : 0)));
   const [a, b, c] = rows;

@@ -8,6 +8,7 @@ const VERTEX = `
 in float value;
 in vec3 slope;
 uniform float wave;
+uniform float dot_size;
 out float v_value;
 #ifdef TINT
 in vec3 tint;
@@ -23,7 +24,8 @@ out vec3 v_position;
 LIGHT
 void main() {
   vec4 at = modelViewMatrix * vec4(position + wave * value * normal, 1.0);
-  vec3 n = normalMatrix * (normal - wave * slope);
+  // The matrix is as large as the surface is in its own unit, and the square of that may be no number: only its direction counts.
+  vec3 n = normalMatrix / max(max(abs(normalMatrix[0].x), abs(normalMatrix[0].y)), abs(normalMatrix[0].z)) * (normal - wave * slope);
   v_value = value;
 #ifdef TINT
   v_tint = tint;
@@ -37,6 +39,7 @@ void main() {
   v_position = at.xyz;
 #endif
   gl_Position = projectionMatrix * at;
+  gl_PointSize = max(dot_size * projectionMatrix[1][1] / gl_Position.w, 2.0);
 }`;
 
 /** Edges lie a little before their triangles. */
@@ -115,6 +118,8 @@ void main() {
       float ink = clamp(1.47 - 1.33 * d, 0.0, 1.0) * clamp(1.64 - 1.82 * w, 0.0, 1.0);
       if (diverging > 0.5) ink = max(0.55 * ink, clamp(2.13 - 1.25 * abs(s - 0.5 * lines) / w, 0.0, 1.0));
       else ink *= 0.6;
+      // Where nothing changes, as on a component that a mode does not reach, all would be line.
+      ink *= clamp(2e4 * w - 0.1, 0.0, 1.0);
       // What lies beyond the range is a plateau: no line of any width runs there.
       if (part > 0.0 && part < 1.0) shown = mix(shown, vec3(0.06), ink);
     }
@@ -146,7 +151,7 @@ export class Shading {
   readonly edges: ShaderMaterial;
   private readonly uniforms = {
     map: { value: null as DataTexture | null }, range: { value: new Vector2(-1, 0.5) }, lines: { value: 0 }, coloured: { value: 0 }, diverging: { value: 1 },
-    plain: { value: new Color(...PLAIN) }, wave: { value: 0 }, checks: { value: 0 },
+    plain: { value: new Color(...PLAIN) }, wave: { value: 0 }, checks: { value: 0 }, dot_size: { value: 0 },
   };
   private named = "";
 
@@ -208,6 +213,11 @@ export class Shading {
   dispose() {
     for (const material of [this.fine, this.quick, this.edges]) material.dispose();
     this.uniforms.map.value?.dispose();
+  }
+
+  /** How large points without faces are: in pixels, at a distance of one, with the field of view of the projection left out. */
+  dots(size: number) {
+    this.uniforms.dot_size.value = size;
   }
 
   lines(count: number) {

@@ -8,15 +8,24 @@ export interface Surface {
 /** Area-weighted normals of the vertices. */
 export function normals({ positions, triangles }: Surface, out = new Float32Array(positions.length)): Float32Array {
   out.fill(0);
+  if (triangles.length === 0) return outward(positions, out);
+  // Areas are squares of lengths: of a surface 10^±20 in size they are no numbers of single precision, in whatever unit but its own.
+  let most = 0;
+  for (let i = 0; i < positions.length; i++) most = Math.max(most, Math.abs(positions[i] - positions[i % 3]));
+  const unit = 1 / (most * most || 1);
   for (let f = 0; f < triangles.length; f += 3) {
     const a = 3 * triangles[f], b = 3 * triangles[f + 1], c = 3 * triangles[f + 2];
     const ux = positions[b] - positions[a], uy = positions[b + 1] - positions[a + 1], uz = positions[b + 2] - positions[a + 2];
     const vx = positions[c] - positions[a], vy = positions[c + 1] - positions[a + 1], vz = positions[c + 2] - positions[a + 2];
-    const nx = uy * vz - uz * vy, ny = uz * vx - ux * vz, nz = ux * vy - uy * vx;
+    const nx = unit * (uy * vz - uz * vy), ny = unit * (uz * vx - ux * vz), nz = unit * (ux * vy - uy * vx);
     out[a] += nx; out[a + 1] += ny; out[a + 2] += nz;
     out[b] += nx; out[b + 1] += ny; out[b + 2] += nz;
     out[c] += nx; out[c + 1] += ny; out[c + 2] += nz;
   }
+  return normalised(out);
+}
+
+function normalised(out: Float32Array): Float32Array {
   for (let v = 0; v < out.length; v += 3) {
     // Math.hypot guards against overflow and is ten times slower.
     const length = Math.sqrt(out[v] * out[v] + out[v + 1] * out[v + 1] + out[v + 2] * out[v + 2]) || 1;
@@ -25,21 +34,36 @@ export function normals({ positions, triangles }: Surface, out = new Float32Arra
   return out;
 }
 
+/** Directions away from the middle: points without faces are lit as if they lay on a ball. */
+function outward(positions: Float32Array, out: Float32Array): Float32Array {
+  const { centre, radius } = bounds({ positions, triangles: new Uint32Array(0) });
+  for (let i = 0; i < positions.length; i++) out[i] = (positions[i] - centre[i % 3]) / radius;
+  return normalised(out);
+}
+
+/** Neighbours of a vertex among which one is looked for one by one. */
+const FEW = 24;
+
 /** The two ends of every edge, once each. */
 export function edges({ positions, triangles: t }: Surface): Uint32Array {
+  // By their smaller ends, which have few each: a set of a million edges takes seconds.
+  const places = new Uint32Array(positions.length / 3 + 2);
+  const next = (i: number) => t[i % 3 === 2 ? i - 2 : i + 1];
+  for (let i = 0; i < t.length; i++) places[Math.min(t[i], next(i)) + 2] += 1;
+  for (let v = 2; v < places.length; v++) places[v] += places[v - 1];
+  const others = new Uint32Array(t.length);
+  for (let i = 0; i < t.length; i++) others[places[Math.min(t[i], next(i)) + 1]++] = Math.max(t[i], next(i));
   const ends = new Uint32Array(2 * t.length);
-  const given = new Set<number>();
-  const most = positions.length / 3;
   let at = 0;
-  // Two triangles go along an edge in opposite directions; at a boundary, or where they are not oriented alike, either may be alone.
-  for (const forward of [true, false]) {
-    for (let i = 0; i < t.length; i++) {
-      const [a, b] = [t[i], t[i % 3 === 2 ? i - 2 : i + 1]];
-      if (a < b !== forward) continue;
-      const key = Math.min(a, b) * most + Math.max(a, b);
-      if (given.has(key)) continue;
-      given.add(key);
-      [ends[at], ends[at + 1]] = [a, b];
+  for (let v = 0; v + 2 < places.length; v++) {
+    const own = others.subarray(places[v], places[v + 1]);
+    if (own.length > FEW) own.sort();
+    for (let k = 0; k < own.length; k++) {
+      // Sorted ones have their like beside them.
+      let known = own.length > FEW ? k - 1 : 0;
+      while (known >= 0 && known < k && own[known] !== own[k]) known += 1;
+      if (known >= 0 && known < k) continue;
+      [ends[at], ends[at + 1]] = [v, own[k]];
       at += 2;
     }
   }
@@ -105,6 +129,7 @@ export function volume({ positions: p, triangles: t }: Surface): number {
 }
 
 export interface Hit {
+  /** −1 at a point without faces. */
   face: number;
   vertex: number;
   point: [number, number, number];
@@ -150,6 +175,19 @@ export function cast({ positions, triangles }: Surface, origin: number[], ray: n
     point: [ox + nearest * dx, oy + nearest * dy, oz + nearest * dz],
     distance: nearest,
   };
+}
+
+/** The first of the points without faces that a ray passes within `reach`. */
+export function graze({ positions: p }: Surface, origin: number[], ray: number[], reach: number, plane?: number[]): Hit | null {
+  let [nearest, vertex] = [Infinity, -1];
+  for (let i = 0; i < p.length; i += 3) {
+    const x = p[i] - origin[0], y = p[i + 1] - origin[1], z = p[i + 2] - origin[2];
+    const along = x * ray[0] + y * ray[1] + z * ray[2];
+    if (along <= 0 || along >= nearest || x * x + y * y + z * z - along * along > reach * reach) continue;
+    if (plane && plane[0] * p[i] + plane[1] * p[i + 1] + plane[2] * p[i + 2] + plane[3] < 0) continue;
+    [nearest, vertex] = [along, i / 3];
+  }
+  return vertex < 0 ? null : { face: -1, vertex, point: [p[3 * vertex], p[3 * vertex + 1], p[3 * vertex + 2]], distance: nearest };
 }
 
 /** The surface with its up axis as y, which viewers of glTF expect. */

@@ -1,9 +1,10 @@
 // The surface on the screen: geometry, colours, camera, and what lies under the pointer.
 
 import {
-  BufferAttribute, BufferGeometry, DynamicDrawUsage, Euler, type LineSegments, Matrix4, Mesh, MeshBasicMaterial, Object3D, PerspectiveCamera, Plane, Quaternion, Scene, Sphere, SphereGeometry, Vector3, WebGLRenderer, type WebGLRenderTarget,
+  BufferAttribute, BufferGeometry, DynamicDrawUsage, Euler, type LineSegments, Matrix4, Mesh, MeshBasicMaterial, Object3D, PerspectiveCamera, Plane, Points, Quaternion, Scene, type ShaderMaterial, Sphere, SphereGeometry, Vector3, WebGLRenderer, type WebGLRenderTarget,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import { cloud } from "./cloud";
 import { Cursor } from "./cursor";
 import type { Prepared } from "./geometry";
 import { develop, drawnInSoftware, exposure } from "./exposure";
@@ -13,7 +14,7 @@ import { listen } from "./pointer";
 import { portrait } from "./portrait";
 import { Shading } from "./shading";
 import { record } from "./film";
-import { cast, edges, gradient, normals, type Hit, type Surface } from "./surface";
+import { cast, edges, gradient, graze, normals, type Hit, type Surface } from "./surface";
 import { unhidden } from "./unhidden";
 import { AXES, type Up } from "./upright";
 
@@ -21,6 +22,9 @@ import { AXES, type Up } from "./upright";
 const QUIET = 180;
 /** Triangles that are drawn in motion without having been tried: by a processor, and by a graphics card. */
 const FEW = [60_000, 3_000_000];
+
+/** How far from the pointer a point without faces may be, in radii. */
+const NEAR = 0.03;
 
 export interface Scalar {
   values: Float32Array;
@@ -63,6 +67,8 @@ export class Viewer {
   private readonly shading = new Shading();
   private readonly pace = new Pace();
   private readonly mesh: Mesh<BufferGeometry>;
+  /** What stands in for the mesh where there are points without faces. */
+  private points: Points<BufferGeometry> | null = null;
   private readonly developed = exposure();
   private readonly overlays = new Map<string, Object3D>();
   private upward: Up = "y";
@@ -142,17 +148,26 @@ export class Viewer {
     geometry.setAttribute("value", new BufferAttribute(new Float32Array(surface.positions.length / 3), 1).setUsage(DynamicDrawUsage));
     // Known already: three.js would read every vertex again.
     geometry.boundingSphere = new Sphere(new Vector3(...surface.centre), surface.radius);
-    this.levels = surface.levels.map((level) => new BufferAttribute(level, 1));
-    geometry.setIndex(this.levels[0]);
+    const bare = surface.triangles.length === 0;
+    this.levels = bare ? [] : surface.levels.map((level) => new BufferAttribute(level, 1));
+    geometry.setIndex(this.levels[0] ?? null);
     this.mesh.geometry.dispose();
     this.mesh.geometry = geometry;
-    this.mesh.visible = true;
+    this.mesh.visible = !bare;
+    if (this.points) this.scene.remove(this.points);
+    this.points = bare ? cloud(geometry, this.shading) : null;
+    if (this.points) this.scene.add(this.points);
     this.pace.begin(surface.levels.map((level) => level.length / 3), FEW[this.software ? 0 : 1]);
     this.cursor.leave();
     for (const name of [...this.overlays.keys()]) this.overlay(name, null);
     this.setScalar(null);
-    this.place(this.mesh);
+    for (const object of this.shown) this.place(object);
     this.draw();
+  }
+
+  /** The mesh, and the points that stand in for it. */
+  private get shown(): (Mesh<BufferGeometry> | Points<BufferGeometry>)[] {
+    return this.points ? [this.mesh, this.points] : [this.mesh];
   }
 
   /** Which way is up in the mesh that is shown, as far as can be guessed. */
@@ -165,6 +180,8 @@ export class Viewer {
     this.surface = this.rest = null;
     this.levels = [];
     this.mesh.visible = false;
+    if (this.points) this.scene.remove(this.points);
+    this.points = null;
     this.draw();
   }
 
@@ -184,7 +201,7 @@ export class Viewer {
     this.upward = up;
     const rows = AXES[up].map(([axis, sign]) => [0, 1, 2].map((k) => (k === axis ? sign : 0)));
     this.upright.setFromRotationMatrix(new Matrix4().set(...[...rows[0], 0, ...rows[1], 0, ...rows[2], 0, 0, 0, 0, 1] as Parameters<Matrix4["set"]>));
-    for (const object of [this.mesh, ...this.overlays.values()]) this.place(object);
+    for (const object of [...this.shown, ...this.overlays.values()]) this.place(object);
     this.slice(this.cut);
   }
 
@@ -376,10 +393,10 @@ export class Viewer {
     const begin = () => {
       if (this.changed || this.frame || this.held || this.mesh.geometry !== geometry) return false;
       if (corners) geometry.setIndex(corners);
-      this.mesh.material = this.shading.fine;
+      this.dress(this.shading.fine);
       return true;
     };
-    develop({ renderer, scene, camera, geometry, corners: corners?.count ?? 0, width: clientWidth * this.ratio, height: clientHeight * this.ratio, begin, done: (target) => this.expose(target) });
+    develop({ renderer, scene, camera, geometry, corners: corners?.count ?? (this.points ? geometry.getAttribute("position").count : 0), width: clientWidth * this.ratio, height: clientHeight * this.ratio, begin, done: (target) => this.expose(target) });
   }
 
   /** Shows a picture that was drawn out of sight. */
@@ -409,11 +426,15 @@ export class Viewer {
     if (fine && same) return;
     if (!same) {
       if (corners) geometry.setIndex(corners);
-      this.mesh.material = material;
+      this.dress(material);
       this.renderer.setPixelRatio(pixels);
     }
     this.renderer.render(this.scene, this.camera);
     this.count(corners);
+  }
+
+  private dress(material: ShaderMaterial) {
+    for (const object of this.shown) object.material = material;
   }
 
   private get ratio() {
@@ -487,7 +508,7 @@ export class Viewer {
   /** What is on the screen as a PNG, twice as fine. */
   snapshot(): Promise<Blob> {
     if (this.levels[0]) this.mesh.geometry.setIndex(this.levels[0]);
-    this.mesh.material = this.shading.fine;
+    this.dress(this.shading.fine);
     this.renderer.setPixelRatio(2 * this.ratio);
     this.renderer.render(this.scene, this.camera);
     const done = new Promise<Blob>((resolve, reject) => this.canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error("the browser made no picture"))), "image/png"));
@@ -545,7 +566,8 @@ export class Viewer {
     const ray = far.applyMatrix4(inverse).sub(origin).normalize();
     // In the frame of the mesh the plane of a slice has its own numbers.
     const [plane] = this.renderer.clippingPlanes.map((plane) => plane.clone().applyMatrix4(inverse));
-    return cast(this.surface, origin.toArray(), ray.toArray(), plane && [...plane.normal.toArray(), plane.constant]);
+    const cut = plane && [...plane.normal.toArray(), plane.constant];
+    return this.points ? graze(this.surface, origin.toArray(), ray.toArray(), NEAR * this.radius, cut) : cast(this.surface, origin.toArray(), ray.toArray(), cut);
   }
 
   /** The vertices where they were before anything moved them. */

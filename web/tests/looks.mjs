@@ -180,6 +180,25 @@ export async function looks(site) {
     await visitor.context().close();
   });
 
+  await test("a family of few dimensions shows all that it has", async () => {
+    const visitor = await site.open("/");
+    await opened(visitor, "few", "torus", 500);
+    await visitor.evaluate(() => window.chladni.app.submit("operator_family", { dimension: 12 }));
+    await visitor.getByRole("tab", { name: "Family" }).click();
+    await visitor.waitForFunction(() => document.body.dataset.family);
+    const { count } = await visitor.evaluate(() => window.chladni.app.basis);
+    assert.ok(count < 60);
+    assert.equal(await visitor.getByRole("slider", { name: "Mode" }).last().getAttribute("max"), String(count - 1));
+    // One function alone is a pair too, and its residual is told.
+    await visitor.evaluate(() => window.chladni.app.submit("eigenbasis", { count: 1, method: "hsim", tolerance: 1e-6 }));
+    await visitor.waitForFunction(() => window.chladni.app.bases.some(({ kind }) => kind === "eigenbasis"));
+    await visitor.getByRole("tab", { name: "Modes" }).click();
+    await visitor.waitForFunction(() => document.body.dataset.mode === "0");
+    assert.match(await visitor.locator(".certificate").innerText(), /^1 eigenpair of .*\s+Every pair has a residual of at most [\d.]+( · 10⁻[⁰¹²³⁴⁵⁶⁷⁸⁹]+)? /);
+    await visitor.evaluate(() => window.chladni.app.remove());
+    await visitor.context().close();
+  });
+
   await test("what is shown becomes the potential of an operator", async () => {
     await page.getByRole("tab", { name: "Distances" }).click();
     await changed(page, "field");
@@ -223,6 +242,107 @@ export async function looks(site) {
     await compute(page, { Operator: "hamiltonian", Potential: "values", Eigenpairs: "20" });
     await page.getByRole("alert").getByText("It has to be finite everywhere").waitFor();
     await page.getByRole("button", { name: "Close" }).first().click();
+  });
+
+  await test("bounds are told relative to eigenvalues that are not zero, however many are", async () => {
+    await page.getByRole("tab", { name: "Modes" }).click();
+    await page.waitForFunction(() => window.chladni.app.mesh.name === "pair" && document.body.dataset.mode);
+    const told = await page.locator(".certificate").innerText();
+    const worst = await page.evaluate(() => {
+      const { eigenvalues, certificate: { bounds } } = window.chladni.app.basis;
+      return Math.max(...eigenvalues.map((value, k) => bounds[k] / value).slice(2));
+    });
+    // As "8.31 · 10⁻¹²" of it, or in percent.
+    const [, size, sign, power, unit] = /, ([\d.,]+)(?: · 10(⁻?)([⁰¹²³⁴⁵⁶⁷⁸⁹]+))? (of it|%) at worst/.exec(told) ?? assert.fail(told);
+    const exponent = power ? Number([...power].map((digit) => "⁰¹²³⁴⁵⁶⁷⁸⁹".indexOf(digit)).join("")) * (sign ? -1 : 1) : 0;
+    const said = (Number(size) * 10 ** exponent) / (unit === "%" ? 100 : 1);
+    assert.ok(Math.abs(said / worst - 1) < 0.01, `${said} for ${worst}`);
+  });
+
+  await test("no line covers a part of a surface on which nothing changes", async () => {
+    const drawnWith = (lines) => page.evaluate(async (lines) => {
+      const { viewer } = window.chladni;
+      viewer.setScalar({ values: new Float32Array(viewer.surface.positions.length / 3), range: [-1, 1], diverging: true });
+      viewer.lines(lines);
+      return (await viewer.snapshot()).arrayBuffer().then((bytes) => [...new Uint8Array(bytes)].join());
+    }, lines);
+    assert.ok((await drawnWith(16)) === (await drawnWith(0)));
+    await page.evaluate(() => window.chladni.viewer.lines(16));
+  });
+
+  await test("points without faces are seen, clicked and filtered", async () => {
+    const before = await seen();
+    await page.evaluate(async () => {
+      const { app, viewer } = window.chladni;
+      const p = viewer.surface.positions;
+      const lines = [];
+      for (let v = 0; v < p.length / 2; v += 3) lines.push(`v ${p[v]} ${p[v + 1]} ${p[v + 2]}`);
+      const mesh = await (await fetch("/v1/meshes?name=points&format=obj", { method: "POST", body: lines.join("\n") })).json();
+      await app.list();
+      await app.open(mesh.id);
+      await app.submit("eigenbasis", { count: 25 });
+    });
+    await page.waitForFunction(() => window.chladni.app.mesh.name === "points" && document.body.dataset.mode);
+    assert.match(await page.locator("li.open .report").innerText(), /^points without faces · 1 component · area/);
+    assert.notEqual(await seen(), before);
+    await page.evaluate(() => window.chladni.viewer.setScalar(null));
+    const plain = await seen();
+    await page.getByRole("tab", { name: "Distances" }).click();
+    // Along a surface there is no way: what is shown first is what can be had.
+    await page.waitForFunction(() => document.body.dataset.field?.startsWith("biharmonic "));
+    assert.notEqual(await seen(), plain);
+    const field = await page.evaluate(() => document.body.dataset.field);
+    await page.mouse.click(...(await onSurface(page)));
+    await changed(page, "field", field);
+    await chooser(page, "Show").selectOption("geodesic");
+    await page.getByRole("alert").getByText("need a surface with faces").waitFor();
+    assert.ok(await page.locator(".legend").isHidden());
+    await page.getByRole("button", { name: "Close" }).first().click();
+    await page.getByRole("tab", { name: "Filter" }).click();
+    await page.getByRole("button", { name: "Smooth" }).click();
+    await changed(page, "filtered");
+    assert.notEqual(await seen(), plain);
+    await page.getByRole("tab", { name: "Modes" }).click();
+  });
+
+  await test("a surface is seen in any unit, and that it lies too far away is told", async () => {
+    const pair = await page.evaluate(() => window.chladni.app.meshes.find(({ name }) => name === "pair").id);
+    await opened(page, "usual", "torus", 600);
+    /** The part of the pixels that differ from those of the first picture. */
+    const unlike = () => page.evaluate(async () => {
+      const picture = await createImageBitmap(await window.chladni.viewer.snapshot());
+      const context = new OffscreenCanvas(picture.width, picture.height).getContext("2d");
+      context.drawImage(picture, 0, 0);
+      const { data } = context.getImageData(0, 0, picture.width, picture.height);
+      window.usual ??= data;
+      return data.filter((part, k) => Math.abs(part - window.usual[k]) > 8).length / data.length;
+    });
+    assert.equal(await unlike(), 0);
+    const placed = async (name, scale, offset) => {
+      await page.evaluate(async ([name, scale, offset]) => {
+        const { app, viewer } = window.chladni;
+        window.first ??= { positions: viewer.surface.positions.slice(), triangles: viewer.surface.triangles.slice() };
+        const { positions: p, triangles: t } = window.first;
+        const lines = [];
+        for (let v = 0; v < p.length; v += 3) lines.push(`v ${[0, 1, 2].map((k) => offset + scale * p[v + k]).join(" ")}`);
+        for (let f = 0; f < t.length; f += 3) lines.push(`f ${t[f] + 1} ${t[f + 1] + 1} ${t[f + 2] + 1}`);
+        const mesh = await (await fetch(`/v1/meshes?name=${name}&format=obj`, { method: "POST", body: lines.join("\n") })).json();
+        await app.list();
+        await app.open(mesh.id);
+      }, [name, scale, offset]);
+    };
+    for (const scale of [1e25, 1e-25]) {
+      await placed(`size${scale}`, scale, 0);
+      assert.ok((await unlike()) < 0.005, `${scale}: ${await unlike()}`);
+    }
+    const report = () => page.locator("li.open .report").innerText();
+    assert.doesNotMatch(await report(), /Far from the origin/);
+    await placed("far", 1, 5e6);
+    assert.match(await report(), /Far from the origin for its size: .* in steps of 0\.5\./);
+    assert.ok((await unlike()) > 0.005);
+    await page.evaluate((id) => window.chladni.app.open(id), pair);
+    await page.getByRole("tab", { name: "Distances" }).click();
+    await page.waitForFunction(() => document.body.dataset.field);
   });
 
   await test("a range holds in its tab, and not where other things are shown", async () => {

@@ -12,6 +12,7 @@ import { fields } from "./fields.mjs";
 import { browserPath, drawn, pageIsThere, picture, ROOT, sample, start } from "./harness.mjs";
 import { counts, kit, pictures } from "./kit.mjs";
 import { looks } from "./looks.mjs";
+import { meanwhile } from "./meanwhile.mjs";
 import { queue } from "./queue.mjs";
 import { studio } from "./studio.mjs";
 import { widget } from "./widget.mjs";
@@ -23,7 +24,7 @@ if (!browserPath()) {
 const site = await start();
 const { test, keep, saved, changed, datum, onSurface, upload, compute, violations } = kit(site);
 /** Tests of one subject, each in a file of its own; `--only=NAME` runs them alone. */
-const SUBJECTS = { looks, fields, studio, queue, widget };
+const SUBJECTS = { looks, fields, studio, queue, meanwhile, widget };
 const only = process.argv.find((argument) => argument.startsWith("--only="))?.slice(7);
 
 try {
@@ -529,6 +530,9 @@ async function everything() {
     try {
       const visitor = await locked.open();
       await visitor.getByRole("alert").getByText(/key/i).first().waitFor();
+      await visitor.getByLabel("API key").fill("\u200bsecret");
+      await visitor.getByRole("button", { name: "Use" }).click();
+      await visitor.getByRole("alert").getByText("This cannot be an API key").waitFor();
       await visitor.getByLabel("API key").fill(secret);
       await visitor.getByRole("button", { name: "Use" }).click();
       await upload(visitor, knot);

@@ -38,7 +38,9 @@ export function basisHead(app: App, panel: () => Panel, name: string, form: HTML
       const select = choice(bases.map((basis) => [basis.id, `${bases.some((other) => other !== basis && line(other) === line(basis)) ? `${new Date(basis.created_ms).toLocaleTimeString()} · ` : ""}${line(basis)}`]), app.basis?.id ?? "", (id) => app.use(id, true).catch(app.fail), name);
       refill(chooser, field(name[0].toUpperCase() + name.slice(1), select));
     }
-    details.open = bases.length === 0;
+    // Whoever is filling it in goes on: a job that ends elsewhere is no reason to fold it.
+    const typing = document.activeElement?.matches("input, select") && details.contains(document.activeElement);
+    if (!typing) details.open = bases.length === 0;
     details.hidden = app.mesh === null;
   };
   app.on("bases", update);
@@ -125,20 +127,24 @@ const REASONS: Record<string, string> = {
   needle: ", since the mesh has a triangle of almost no height",
 };
 
+/** Whether an eigenvalue is zero, but for rounding. */
+export const vanishes = ({ eigenvalues }: Eigenbasis, k: number) => Math.abs(eigenvalues[k]) <= 1e-6 * Math.abs(eigenvalues[eigenvalues.length - 1]);
+
 /** What is proven about a basis, in words. */
 export function certificate(basis: Eigenbasis): HTMLElement {
   const { certificate: proof, eigenvalues, operator, parameters } = basis;
   const made = "laplacian" in operator ? operator : null;
   const laplacian = made?.laplacian === "robust" ? "the robust Laplacian" : made?.laplacian === "cotangent" ? "the cotangent Laplacian" : made?.laplacian === "polygon" ? "the Laplacian of the polygons" : "the operator";
   const reason = made ? (REASONS[made.reason] ?? "") : "";
-  const relative = eigenvalues.map((value, k) => proof.bounds[k] / Math.max(value, 1e-300)).slice(1).filter(Number.isFinite).sort((a, b) => a - b);
-  const worst = Math.max(...proof.residuals.slice(1), 0);
+  // Nothing is relative to zero, and there is one for each component, or for each harmonic field.
+  const relative = eigenvalues.map((value, k) => proof.bounds[k] / Math.abs(value)).filter((_, k) => !vanishes(basis, k)).filter(Number.isFinite).sort((a, b) => a - b);
+  const worst = Math.max(...proof.residuals, 0);
   const percent = (value: number) => (value < 1e-6 ? `${brief(value)} of it` : `${brief(100 * value)} %`);
   const hodge = "hodge" in operator ? operator.hodge : null;
   const sentences: HTMLElement[] = [
     hodge
-      ? h("p", {}, `${grouped(eigenvalues.length)} eigenfields of the Hodge–Laplacian: ${grouped(hodge.harmonic)} harmonic, ${plural(hodge.gradients, "gradient")}, ${plural(hodge.co_gradients, "co-gradient")}.`)
-      : h("p", {}, `${grouped(eigenvalues.length)} eigenpairs of ${laplacian}${reason}.`),
+      ? h("p", {}, `${plural(eigenvalues.length, "eigenfield")} of the Hodge–Laplacian: ${grouped(hodge.harmonic)} harmonic, ${plural(hodge.gradients, "gradient")}, ${plural(hodge.co_gradients, "co-gradient")}.`)
+      : h("p", {}, `${plural(eigenvalues.length, "eigenpair")} of ${laplacian}${reason}.`),
   ];
   if (proof.accuracy) {
     const { goal, largest_estimate, reached } = proof.accuracy;
@@ -154,7 +160,9 @@ export function certificate(basis: Eigenbasis): HTMLElement {
   }
   if (proof.complete === true) {
     const last = proof.inertia[proof.inertia.length - 1];
-    sentences.push(h("p", { class: "proven" }, `Proven complete: ${proof.inertia.length === 1 ? "an inertia count" : `${proof.inertia.length} inertia counts`} show${proof.inertia.length === 1 ? "s" : ""} that no eigenvalue was skipped${last ? `; below ${brief(last.shift)} there are exactly ${grouped(last.below)}` : ""}.`));
+    // Fields are counted by the functions that they come from.
+    const counts = last ? plural(proof.inertia.length, "inertia count") : "inertia counts in two scalar spectra";
+    sentences.push(h("p", { class: "proven" }, `Proven complete: ${counts.replace(/^1 /, "an ")} show${proof.inertia.length === 1 ? "s" : ""} that no eigenvalue was skipped${last ? `; below ${brief(last.shift)} there are exactly ${grouped(last.below)}` : ""}.`));
   } else if (proof.complete === false) sentences.push(h("p", { class: "unproven" }, "Not proven complete: an eigenvalue may be missing."));
   else sentences.push(h("p", {}, "The approximate method counts whether an eigenvalue was skipped only where it is asked to certify; the exact method always does."));
   sentences.push(h("p", {}, `The eigenfunctions are orthonormal to ${brief(proof.orthonormality_defect)}.`));

@@ -39,7 +39,7 @@ export function familyPanel(app: App, look: Look): Panel {
     const response = await send(`${basis.links.self}/spectrum`, {
       method: "POST",
       headers: { "Content-Type": "application/json", Accept: "application/octet-stream" },
-      body: JSON.stringify({ extrinsic, curvature, count: Math.max(SHOWN, mode + 1), give: "modes", mode }),
+      body: JSON.stringify({ extrinsic, curvature, count: Math.min(SHOWN, basis.count), give: "modes", mode }),
     });
     const shown = new Float32Array(await response.arrayBuffer());
     if (app.basis !== basis || app.panel !== panel) return;
@@ -92,7 +92,10 @@ export function familyPanel(app: App, look: Look): Panel {
       const state = app.arrived<Partial<State>>("family");
       if (typeof state?.extrinsic === "number") t.set(state.extrinsic);
       if (typeof state?.strength === "number") potential.set(state.strength);
-      mode.set(Math.min(app.place.mode, SHOWN - 1));
+      // A small space has no more of them than dimensions.
+      const most = Math.min(SHOWN, app.basis.count) - 1;
+      mode.control.max = String(most);
+      mode.set(Math.min(app.place.mode, most));
       [values, plain, before] = [[], [], null];
       update();
     },

@@ -46,7 +46,8 @@ export function filterPanel(app: App, look: Look): Panel {
   const send = latest<{ basis: Basis; values: number[]; beyond: number }>(async ({ basis, values, beyond }) => {
     const begin = performance.now();
     const positions = await postNumbers(`${basis.links.self}/filter`, { functions: "coordinates", transfer: { kind: "samples", values, beyond } });
-    if (!here(basis) || what !== "curve") return;
+    // Meanwhile the curve may have been set back, which asks for nothing.
+    if (!here(basis) || what !== "curve" || unchanged()) return;
     app.viewer.setPositions(positions);
     timing.textContent = `${brief(performance.now() - begin)} ms for the answer`;
     document.body.dataset.filtered = String(Number(document.body.dataset.filtered ?? 0) + 1);

@@ -5,7 +5,7 @@ import type { App, Panel } from "../app";
 import { brief, bytes, grouped, h, power, slider } from "../dom";
 import { latest } from "../latest";
 import { Plot, ticks, type Frame } from "../plot";
-import { basisHead, certificate, eigenForm, line } from "./basis";
+import { basisHead, certificate, eigenForm, line, vanishes } from "./basis";
 import { comparison } from "./compare";
 import { HodgeModes, ofFields } from "./hodge";
 import { diverging, sequential, type Look } from "./look";
@@ -62,7 +62,16 @@ export function modesPanel(app: App, look: Look): Panel {
     if (app.swinging && !playing && !calm()) swing(true);
     app.swinging = false;
     document.body.dataset.mode = String(mode);
-  }, app.fail);
+  }, (error) => {
+    app.fail(error);
+    if (app.panel !== panel) return;
+    // The mode before would stand beside the eigenvalue of the one that could not be had.
+    if (playing) swing(false);
+    hodge.hide();
+    look.show(null);
+    app.title.textContent = app.mesh?.name ?? "";
+    delete document.body.dataset.mode;
+  });
 
   const hodge = new HodgeModes(app, look, (mode) => select(mode));
   const compare = comparison(app, (id) => line(app.bases.find((basis) => basis.id === id)!));
@@ -80,7 +89,7 @@ export function modesPanel(app: App, look: Look): Panel {
     mode.set(k);
     const { residuals, bounds, estimates } = basis.certificate;
     const value = basis.eigenvalues[k];
-    const zero = Math.abs(value) <= 1e-6 * Math.abs(basis.eigenvalues[basis.count - 1]);
+    const zero = vanishes(basis, k);
     const percent = (error: number) => (zero ? brief(error) : `${brief((100 * error) / Math.abs(value))} %`);
     const part = hodge.part(basis, k);
     facts.replaceChildren(h("b", {}, `λ = ${brief(value)}`), part && ` ${part},`, estimates?.length ? ` error about ${percent(estimates[k])}, within ${percent(bounds[k])}` : ` ± ${percent(bounds[k])}`,
@@ -206,10 +215,12 @@ function spectrum({ context: c, width, height, ink, write, faint, accent, second
   // Errors or residuals.
   const below = estimates?.length ? estimates.map((error, k) => error / Math.max(Math.abs(eigenvalues[k]), 1e-300)) : residuals;
   const shown = below.map((value) => Math.log10(Math.min(Math.max(value, 1e-16), 10)));
-  const rest = shown.slice(Math.min(1, m - 1));
+  // What is relative to zero says nothing about the others.
+  const counted = shown.filter((_, k) => !vanishes(basis, k));
+  const rest = counted.length ? counted : shown;
   const low = Math.floor(Math.min(...rest)), high = Math.max(Math.ceil(Math.max(...rest)), low + 1);
   const base = height - 6;
-  const z = (value: number) => base - ((base - split) * (Math.max(value, low) - low)) / (high - low);
+  const z = (value: number) => base - ((base - split) * (Math.min(Math.max(value, low), high) - low)) / (high - low);
   c.strokeStyle = faint;
   c.beginPath();
   c.moveTo(LEFT, base);

@@ -57,6 +57,9 @@ const SERIES: Record<string, { count: number; label: string }> = { wave_kernel: 
 /** What depends on a point. */
 const POINTED = ["diffusion", "biharmonic", "commute_time", "geodesic", "exact", "similar"];
 
+/** What goes along faces. */
+const ALONG = ["geodesic", "exact"];
+
 export function pointsPanel(app: App, look: Look): Panel {
   const head = basisHead(app, () => panel, "basis", eigenForm(app, look));
   const body = h("div", { hidden: true });
@@ -67,8 +70,11 @@ export function pointsPanel(app: App, look: Look): Panel {
 
   const times = (basis: Basis, scale: number) => {
     const values = basis.eigenvalues;
-    const first = values.find((value) => value > 1e-8 * values[values.length - 1]) ?? 1;
-    const [short, long] = [1 / values[values.length - 1], 2 / first];
+    const last = values[values.length - 1];
+    // Of a basis of constants alone there is no time; the server says why.
+    const first = values.find((value) => value > 1e-8 * last);
+    if (first === undefined) return 1;
+    const [short, long] = [1 / last, 2 / first];
     return short * (long / short) ** scale;
   };
 
@@ -108,7 +114,14 @@ export function pointsPanel(app: App, look: Look): Panel {
     } else if (what === "global_point") look.show(diverging(values));
     else look.show(sequential(values, what === "heat_kernel" ? 0.995 : 1));
     document.body.dataset.field = `${what} ${vertex}`;
-  }, app.fail);
+  }, (error) => {
+    app.fail(error);
+    if (app.panel !== panel) return;
+    // Colours of before would stand under the name of what could not be had.
+    look.show(null);
+    timing.textContent = "";
+    delete document.body.dataset.field;
+  });
 
   const ask = () => {
     const basis = app.basis;
@@ -158,6 +171,8 @@ export function pointsPanel(app: App, look: Look): Panel {
       body.append(look.element);
       const state = app.arrived<Partial<State>>("points");
       if (state?.what && Object.hasOwn(TITLES, state.what)) kinds.value = what = state.what;
+      // There is no way along a surface where there are no faces.
+      else if (app.mesh?.report.points && ALONG.includes(what)) kinds.value = what = "biharmonic";
       if (typeof state?.vertex === "number" && state.vertex >= 0 && Number.isInteger(state.vertex)) vertex = state.vertex;
       if (typeof state?.index === "number") which.set(state.index);
       time.set(typeof state?.time === "number" ? state.time : time.control.valueAsNumber);

@@ -38,6 +38,8 @@ export function vibrationPanel(app: App, look: Look): Panel {
   const facts = h("p", {});
   const timing = h("p", { class: "dim" });
   let tap: Tap | null = null;
+  /** The tap that is to be heard, also when it has faded from sight. */
+  let last: Tap | null = null;
   let began = 0;
   let scale = 0;
   let audio: AudioContext | null = null;
@@ -124,11 +126,14 @@ export function vibrationPanel(app: App, look: Look): Panel {
       body: JSON.stringify({ damping: DAMPING, loads: load(now), sound: { listener, sample_rate: 44100, seconds: 2 } }),
     });
     const wave = await response.arrayBuffer();
+    // Another tap has been made meanwhile, or the tab was left.
+    if (now !== last) return;
     app.kept.sound = wave.slice(0);
     document.body.dataset.heard = String(wave.byteLength);
     audio ??= new AudioContext();
     await audio.resume();
     const sound = await audio.decodeAudioData(wave);
+    if (now !== last) return;
     playing?.stop();
     playing = audio.createBufferSource();
     playing.buffer = sound;
@@ -145,6 +150,7 @@ export function vibrationPanel(app: App, look: Look): Panel {
     scale = 0;
     frames = 0;
     shown = 0;
+    last = tap;
     if (mute.checked) hear(tap).catch(app.fail);
     run();
   };
@@ -190,6 +196,7 @@ export function vibrationPanel(app: App, look: Look): Panel {
     },
     hide() {
       rest();
+      last = null;
       playing?.stop();
       playing = null;
       app.viewer.onClick = app.viewer.onStroke = null;
