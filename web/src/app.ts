@@ -6,7 +6,7 @@ import { h } from "./dom";
 import type { FaceField } from "./files";
 import { prepared } from "./geometry";
 import { Jobs } from "./jobs";
-import { pack, read, same, unpack, write, type Place } from "./place";
+import { forget, pack, read, same, unpack, write, type Place } from "./place";
 import type { Viewer } from "./viewer";
 
 /** One tab. `show` runs whenever it becomes visible and whenever mesh or basis change under it. */
@@ -151,6 +151,7 @@ export class App {
   /** Opens what the address names. */
   async arrive() {
     const turn = ++this.arriving;
+    forget();
     const place = read();
     const moved = place.mesh !== this.mesh?.id;
     if (place.tab !== this.place.tab) this.panel?.hide();

@@ -53,7 +53,22 @@ export function write(place: Place, step: boolean) {
   const entries = new URLSearchParams();
   for (const [name, value] of Object.entries(place)) if (value !== undefined && value !== "") entries.set(name, String(value));
   const address = `#${entries}`;
+  window.clearTimeout(again);
   if (address === location.hash) return;
-  if (step) history.pushState(null, "", address);
-  else history.replaceState(null, "", address);
+  try {
+    if (step) history.pushState(null, "", address);
+    else history.replaceState(null, "", address);
+  } catch {
+    // Refused: see below.
+  }
+  // Browsers take so many changes in so many seconds, and a slider makes more: some drop the rest without a word, others throw.
+  if (new URL(address, location.href).hash !== location.hash) again = window.setTimeout(() => write(place, step), LATER);
 }
+
+let again = 0;
+
+/** Milliseconds after which an address that a browser refused is tried again. */
+const LATER = 1000;
+
+/** An address that was refused is of no use any more: another one has come. */
+export const forget = () => window.clearTimeout(again);
