@@ -149,6 +149,28 @@ fn no_library_room_gives_up() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
+/// Initialisers that run on the thread that asks for the value, and on no other: `chladni_base::made_once` says why.
+const MADE_BY_ONE_THREAD: &[&str] =
+    &["mesh/src/numbering.rs", "algebra/src/factor_count.rs", "algebra/src/multigrid.rs"];
+
+#[test]
+fn nothing_is_computed_while_a_cell_is_locked() {
+    let mut wrong = Vec::new();
+    for source in sources().iter().filter(|source| source.path.starts_with("crates")) {
+        if MADE_BY_ONE_THREAD.iter().any(|path| source.path.ends_with(path)) {
+            continue;
+        }
+        for (number, line) in source.code.lines().enumerate() {
+            let Some((_, made)) = line.split_once("get_or_init(|| ") else { continue };
+            // A value that is there already.
+            if !made.split_once(')').is_some_and(|(name, _)| !name.is_empty() && name.chars().all(is_word)) {
+                wrong.push(format!("{}: line {}", source.path.display(), number + 1));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "made_once computes while nothing is locked: {}", wrong.join(", "));
+}
+
 /// As wide as the code is, by rustfmt.toml. A row of a table cannot be broken.
 #[test]
 fn comments_are_no_wider_than_the_code() {

@@ -8,6 +8,7 @@ use chladni_algebra::{
     BlockMatrix, ColumnTree, FactorError, FactorNumbers, HalfSolved, MassMatrix, Ordering, ReachTree, Sides,
     SparseMatrix, SymbolicFactor, fill_reducing_order,
 };
+use chladni_base::made_once;
 use chladni_base::parallel::*;
 
 use super::pencil::within_surfaces;
@@ -285,7 +286,7 @@ impl<const B: usize> Direct<B> {
         images: impl FnOnce() -> Vec<Vec<f64>>,
         squares: impl FnOnce(&[Vec<f64>], &[Vec<f64>]) -> Vec<Vec<Vec<f64>>>,
     ) -> &'f IdleSolves {
-        factor.idle.get_or_init(|| {
+        made_once(&factor.idle, || {
             let images = images();
             let halves: Vec<Vec<f64>> = images.par_iter().map(|image| self.eliminated(factor, image)).collect();
             let solved: Vec<Vec<f64>> = halves.par_iter().map(|half| self.substituted(factor, half.clone())).collect();

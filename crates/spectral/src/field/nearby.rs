@@ -10,6 +10,7 @@
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
 use chladni_algebra::{FactorError, PANEL_WIDTH, SparseMatrix};
+use chladni_base::made_once;
 
 use super::pencil::{Pencil, Sum};
 use super::pencil_inverse::SparseInverse;
@@ -50,7 +51,7 @@ struct Change {
 impl Change {
     /// The factor of `K`.
     fn own(&self) -> Result<&SparseInverse, FactorError> {
-        let made = self.own.get_or_init(|| self.pencil.factor(&sum(&self.gram, self.weights)));
+        let made = made_once(&self.own, || self.pencil.factor(&sum(&self.gram, self.weights)));
         made.as_ref().map_err(Clone::clone)
     }
 

@@ -13,6 +13,7 @@ use std::sync::{Arc, OnceLock};
 use chladni_algebra::{
     ColumnTree, FactorError, MassMatrix, Ordering, ReachTree, SparseMatrix, SymbolicFactor, fill_reducing_order,
 };
+use chladni_base::made_once;
 
 use super::pencil_inverse::{Factored, SparseInverse, split};
 use crate::basis::FieldBasis;
@@ -130,11 +131,11 @@ impl Pencil {
 
     fn structure(&self) -> Result<Arc<Structure>, FactorError> {
         let copies = if self.full_biharmonic.is_some() { 1 } else { 2 };
-        self.structure.get_or_init(|| self.analyse(copies).map(Arc::new)).clone()
+        made_once(&self.structure, || self.analyse(copies).map(Arc::new)).clone()
     }
 
     fn second_order(&self) -> Result<Arc<Structure>, FactorError> {
-        self.second_order.get_or_init(|| self.analyse(1).map(Arc::new)).clone()
+        made_once(&self.second_order, || self.analyse(1).map(Arc::new)).clone()
     }
 
     fn analyse(&self, copies: usize) -> Result<Structure, FactorError> {

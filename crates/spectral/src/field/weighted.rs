@@ -9,6 +9,7 @@ mod whole;
 use std::sync::{Arc, OnceLock};
 
 use chladni_algebra::{DenseMatrix, FactorError, SparseMatrix};
+use chladni_base::made_once;
 use chladni_base::parallel::*;
 
 use crate::basis::FieldBasis;
@@ -492,7 +493,7 @@ impl WeightedModel {
         let (Inverse::Sparse(inverse), Some(pencil)) = (&self.inverse, &self.pencil) else { return None };
         let factor = inverse.alone()?;
         let floor = floor(self.weights.harmonic, self.weights.biharmonic);
-        Some(self.idle.get_or_init(|| idle::find(|x| factor.apply(x), &pencil.mass, floor)))
+        Some(made_once(&self.idle, || idle::find(|x| factor.apply(x), &pencil.mass, floor)))
     }
 
     /// Whether designs stay close to prescribed singularities.

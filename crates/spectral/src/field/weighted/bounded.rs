@@ -2,6 +2,7 @@
 //! holds it.
 
 use chladni_algebra::{DefiniteFactor, DenseMatrix, dot_in_order, solve_definite};
+use chladni_base::made_once;
 
 use super::super::alignment::Alignment;
 use super::super::compliance::slacks;
@@ -55,11 +56,11 @@ impl WeightedModel {
     fn idle_parts(&self, basis: &FieldBasis, kernel: Kernel<'_>) -> &[IdlePart] {
         let of = |fields: &[Vec<f64>]| IdlePart::of_space(self.components(), basis, &basis.mass, fields);
         match kernel {
-            Kernel::Fields(idle) => self.idle_parts.get_or_init(|| {
+            Kernel::Fields(idle) => made_once(&self.idle_parts, || {
                 let fields: Vec<Vec<f64>> = idle.iter().map(|one| one.field.clone()).collect();
                 of(&fields)
             }),
-            Kernel::Coordinates(at) => self.model.idle_parts.0.get_or_init(|| {
+            Kernel::Coordinates(at) => made_once(&self.model.idle_parts.0, || {
                 let field = |&k: &usize| self.model.eigenfield(k).into_iter().map(f64::from).collect();
                 of(&at.iter().map(field).collect::<Vec<Vec<f64>>>())
             }),
@@ -181,7 +182,7 @@ impl WeightedModel {
                     let field: Vec<f64> = self.model.eigenfield(k).into_iter().map(f64::from).collect();
                     Idle { image: times(&pencil.mass, &field), field }
                 };
-                self.idle.get_or_init(|| (0..self.idle_coordinates()).map(one).collect())
+                made_once(&self.idle, || (0..self.idle_coordinates()).map(one).collect())
             }
             None => {
                 // The factor of the sum holds them: that of the energies alone tells what they are.

@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use chladni_algebra::{DenseMatrix, Sides, dot_in_order};
+use chladni_base::made_once;
 use chladni_base::parallel::*;
 
 use super::super::constraints::Condition;
@@ -73,7 +74,7 @@ impl WeightedModel {
             Kernel::Coordinates(_) => &[],
         };
         let none = IdleHalves { halves: Vec::new(), square: Vec::new() };
-        let own = if idle.is_empty() { &none } else { self.idle_halves.get_or_init(|| IdleHalves::new(inverse, idle)) };
+        let own = if idle.is_empty() { &none } else { made_once(&self.idle_halves, || IdleHalves::new(inverse, idle)) };
         // Of each constrained number those of the fields without energy, and their products with half of its solve.
         let (mut values, mut with): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
         if !idle.is_empty() {

@@ -7,7 +7,7 @@ use chladni_algebra::gpu::{
     Accelerator, EnclosureSums, Judge, MeasuredPairs, MeasuredPencil, MeasuredTrees, PairSums, ResidualSums,
 };
 use chladni_algebra::{CYCLE_WIDTH, DenseMatrix, SparseMatrix};
-use chladni_base::{Cancelled, Monitor};
+use chladni_base::{Cancelled, Monitor, made_once};
 
 /// Decides how closely the pairs are to be enclosed.
 struct Closeness<'a> {
@@ -61,7 +61,7 @@ impl Energy<'_> {
         if !accelerator.would_measure(space.rows(), space.entries(), ritz.len()) {
             return Ok(None);
         }
-        let stiffness = self.ordered.get_or_init(|| self.problem.stiffness.reordered(&self.order));
+        let stiffness = made_once(&self.ordered, || self.problem.stiffness.reordered(&self.order));
         let patches = self.hierarchy.patches();
         let starts: Vec<u32> =
             patches.iter().map(|patch| patch.rows().start as u32).chain([self.size() as u32]).collect();
