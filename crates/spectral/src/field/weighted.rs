@@ -493,7 +493,7 @@ impl WeightedModel {
         let (Inverse::Sparse(inverse), Some(pencil)) = (&self.inverse, &self.pencil) else { return None };
         let factor = inverse.alone()?;
         let floor = floor(self.weights.harmonic, self.weights.biharmonic);
-        Some(made_once(&self.idle, || idle::find(|x| factor.apply(x), &pencil.mass, floor)))
+        Some(made_once::<Vec<Idle>>(&self.idle, || idle::find(|x| factor.apply(x), &pencil.mass, floor)))
     }
 
     /// Whether designs stay close to prescribed singularities.

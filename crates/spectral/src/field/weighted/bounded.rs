@@ -56,11 +56,11 @@ impl WeightedModel {
     fn idle_parts(&self, basis: &FieldBasis, kernel: Kernel<'_>) -> &[IdlePart] {
         let of = |fields: &[Vec<f64>]| IdlePart::of_space(self.components(), basis, &basis.mass, fields);
         match kernel {
-            Kernel::Fields(idle) => made_once(&self.idle_parts, || {
+            Kernel::Fields(idle) => made_once::<Vec<IdlePart>>(&self.idle_parts, || {
                 let fields: Vec<Vec<f64>> = idle.iter().map(|one| one.field.clone()).collect();
                 of(&fields)
             }),
-            Kernel::Coordinates(at) => made_once(&self.model.idle_parts.0, || {
+            Kernel::Coordinates(at) => made_once::<Vec<IdlePart>>(&self.model.idle_parts.0, || {
                 let field = |&k: &usize| self.model.eigenfield(k).into_iter().map(f64::from).collect();
                 of(&at.iter().map(field).collect::<Vec<Vec<f64>>>())
             }),
