@@ -5,9 +5,9 @@ use std::sync::OnceLock;
 /// The value of a cell, made where there is none yet. It is made while nothing is locked: several who ask at once may
 /// each make one, of which the first is kept.
 ///
-/// A thread that makes something by parallel loops while it holds a lock, as within [`OnceLock::get_or_init`], waits for
-/// other threads of its pool, and works for them meanwhile: on a piece of work that waits for the same lock, perhaps,
-/// and then neither ends.
+/// A thread that makes something by parallel loops while it holds a lock, as within [`OnceLock::get_or_init`], waits
+/// for other threads of its pool, and works for them meanwhile: on a piece of work that waits for the same lock,
+/// perhaps, and then neither ends.
 pub fn made_once<T>(cell: &OnceLock<T>, make: impl FnOnce() -> T) -> &T {
     if let Some(known) = cell.get() {
         return known;
