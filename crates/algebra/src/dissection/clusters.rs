@@ -4,8 +4,8 @@
 use super::coarsen::{coarsened, contracted, joined};
 use super::graph::Graph;
 
-/// How often vertices are paired for a cluster: eight vertices in each. Four, or sixteen, fill in as much within 1 %,
-/// and take as long.
+/// How often vertices are paired for a cluster: eight vertices in each. With two or four, and more levels, factors have
+/// as many entries within 2 %, and orders take as long or longer.
 const PAIRINGS: u32 = 3;
 
 /// Clusters within each other.
