@@ -374,7 +374,11 @@ pub fn json_argument(flag: &str, text: &str) -> Result<Value, CliError> {
         None => text.to_owned(),
         Some(path) => std::fs::read_to_string(path).map_err(|error| CliError::file("read", Path::new(path), error))?,
     };
-    serde_json::from_str(&read).map_err(|error| CliError::Usage(format!("{flag} is not valid JSON: {error}")))
+    serde_json::from_str(&read).map_err(|error| {
+        let file = !text.starts_with('@') && Path::new(text).is_file();
+        let hint = if file { format!("; the file of that name is read by {flag} @{text}") } else { String::new() };
+        CliError::Usage(format!("{flag} is not valid JSON: {error}{hint}"))
+    })
 }
 
 /// The largest resident memory of this process so far, in bytes; absent where the system does not tell.
@@ -469,6 +473,9 @@ mod tests {
         assert!(
             json_argument("--request", "{").unwrap_err().to_string().starts_with("--request is not valid JSON: EOF")
         );
+        // One who forgets the @ is told.
+        let forgotten = json_argument("--request", &path.display().to_string()).unwrap_err().to_string();
+        assert!(forgotten.ends_with(&format!("is read by --request @{}", path.display())), "{forgotten}");
         assert!(json_argument("--request", "@/no/such/file").unwrap_err().to_string().contains("/no/such/file"));
     }
 }

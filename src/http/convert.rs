@@ -223,6 +223,9 @@ fn counted(what: &str, found: usize, least: usize, most: usize) -> String {
     if most == usize::MAX {
         return format!("{what}: must be at least {least}, not {found}.");
     }
+    if most == least {
+        return format!("{what}: must be {least}, not {found}.");
+    }
     format!("{what}: must be between {least} and {most}, not {found}.")
 }
 

@@ -53,6 +53,10 @@ impl Postgres {
     /// is waited for, as one is that is being started; one that refuses is not.
     pub async fn open(places: &SharedPlaces, most: u32, busy_timeout: Duration) -> Result<Self, StoreError> {
         let options = |address: &str| {
+            if address.is_empty() {
+                let detail = "the address of the database is empty: --database postgres://USER:PASSWORD@HOST/DATABASE";
+                return Err(StoreError::Unavailable { detail: detail.to_owned() });
+            }
             if let Some((scheme, _)) = address.split_once("://")
                 && !["postgres", "postgresql"].contains(&scheme)
             {

@@ -67,6 +67,17 @@ export const recent: { shown: Request | null } = { shown: null };
 
 const shows = /^\/v1\/(bases\/[^/?]+\/(?!content)[^?]+|shape-comparisons|functional-maps)/;
 
+/** What a server that does not answer is called; once it answers again, `reached` happens to the document. */
+export const UNREACHABLE = "The server cannot be reached";
+let reached = true;
+
+/** Takes note of whether the server answered. */
+function answered(now: boolean) {
+  const again = now && !reached;
+  reached = now;
+  if (again) document.dispatchEvent(new Event("reached"));
+}
+
 /** Sends a request; whatever is no success becomes an [`ApiError`]. */
 export async function send(path: string, init: RequestInit = {}): Promise<Response> {
   const headers = new Headers(init.headers);
@@ -80,8 +91,10 @@ export async function send(path: string, init: RequestInit = {}): Promise<Respon
     response = await fetch(kept(path, init.method), { ...init, headers });
   } catch (error) {
     if (error instanceof DOMException && error.name === "AbortError") throw error;
-    throw new ApiError({ type: "", title: "The server cannot be reached", detail: "No answer came. Is it still running?" });
+    answered(false);
+    throw new ApiError({ type: "", title: UNREACHABLE, detail: "No answer came. Is it still running?" });
   }
+  answered(true);
   if (!response.ok) throw new ApiError(await problemOf(response));
   return response;
 }
@@ -193,7 +206,7 @@ export function upload(file: File, sent: (fraction: number) => void): Promise<Me
       if (request.status < 300) resolve(answer as Mesh);
       else fail(answer as Problem);
     };
-    request.onerror = () => fail({ type: "", title: "The server cannot be reached", detail: "The upload did not get through." });
+    request.onerror = () => fail({ type: "", title: UNREACHABLE, detail: "The upload did not get through." });
     request.send(file);
   });
 }

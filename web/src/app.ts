@@ -1,6 +1,6 @@
 // What every part of the page shares: the place, the mesh and the basis that are open, and how errors are told.
 
-import { ApiError, get, hasInside, key, meshContent, post, recent, remove, rename, save, type Basis, type BasisSummary, type Job, type Kind, type Mesh, type Page, type Parameters } from "./api";
+import { ApiError, UNREACHABLE, get, hasInside, key, meshContent, post, recent, remove, rename, save, type Basis, type BasisSummary, type Job, type Kind, type Mesh, type Page, type Parameters } from "./api";
 import type { Beside } from "./beside";
 import { h } from "./dom";
 import type { FaceField } from "./files";
@@ -56,6 +56,9 @@ export class App {
       pause = window.setTimeout(() => this.go({ view: viewer.view }), 150);
     };
     window.addEventListener("popstate", () => void this.arrive());
+    document.addEventListener("reached", () => {
+      for (const toast of [...this.toasts.children]) if (toast.firstElementChild?.textContent === UNREACHABLE) toast.remove();
+    });
     // Most of the time this is the second word about a step that was taken already: opening a large mesh twice takes twice as long.
     window.addEventListener("hashchange", () => {
       if (!same(read(), this.place)) void this.arrive();
@@ -210,7 +213,9 @@ export class App {
     const turn = ++this.opening;
     this.working("Loading the surface …");
     try {
-      const mesh = this.meshes.find((mesh) => mesh.id === id) ?? (await get<Mesh>(`/v1/meshes/${id}`));
+      // Asked for even if it is listed: its content may come from what the browser has kept, though it was deleted elsewhere.
+      const mesh = await get<Mesh>(`/v1/meshes/${id}`);
+      if (turn !== this.opening) return;
       const content = await meshContent(mesh.links.content, (fraction) => this.working("Loading the surface …", fraction));
       if (turn !== this.opening) return;
       const surface = await prepared(content);

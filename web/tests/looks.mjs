@@ -39,6 +39,17 @@ export async function looks(site) {
     assert.deepEqual((await labels())[0], "0");
     shots.push(await picture(page));
     assert.equal(new Set(shots.map((bytes) => bytes.toString("base64"))).size, shots.length);
+    // Ends in the wrong order change places, and what would leave nothing between them is refused where it is typed.
+    await page.getByLabel("Colours end at").fill("-0.5");
+    await page.getByLabel("Colours end at").press("Enter");
+    assert.deepEqual([(await labels())[0], (await labels())[2], await page.getByLabel("Colours begin at").inputValue(), await page.getByLabel("Colours end at").inputValue()], ["-0.5", "0", "-0.5", "0"]);
+    const refused = () => page.getByLabel("Colours end at").evaluate((input) => input.validationMessage);
+    await page.getByLabel("Colours end at").fill("-0.5");
+    await page.getByLabel("Colours end at").press("Enter");
+    assert.equal(await refused(), "The range must end above -0.5.");
+    await page.getByLabel("Colours end at").fill("");
+    await page.getByLabel("Colours end at").press("Enter");
+    assert.equal(await refused(), "");
     // Functions without a sign have maps of their own.
     await page.getByRole("tab", { name: "Distances" }).click();
     await changed(page, "field");

@@ -183,10 +183,7 @@ async function tests(site) {
   await test("what others delete leaves the list as soon as one comes upon it", async () => {
     const { one, second } = await ids();
     await api(`/v1/meshes/${second}?cascade=true`, "DELETE");
-    // It was open before: what a browser has kept of it is shown without asking the server.
-    const browser = await page.context().newCDPSession(page);
-    await browser.send("Network.clearBrowserCache");
-    await browser.detach();
+    // It was open before, and the browser has kept its content.
     await page.locator("button.mesh", { hasText: "second" }).click();
     await page.getByRole("alert").getByText("There is no such mesh").waitFor();
     await page.waitForFunction(() => !window.chladni.app.meshes.some(({ name }) => name === "second"));
@@ -198,6 +195,18 @@ async function tests(site) {
     await page.locator(".toast.note").getByText("Deleted").waitFor();
     await page.waitForFunction(() => window.chladni.app.mesh?.name !== "one");
     assert.equal(await page.locator(".toast.error").count(), 0);
+    await close();
+  });
+
+  await test("a server that answers again is called unreachable no longer", async () => {
+    const id = await page.evaluate(() => window.chladni.app.mesh.id);
+    await page.route("**/v1/**", (route) => route.abort());
+    await page.evaluate(() => window.chladni.app.list().catch(window.chladni.app.fail));
+    await page.getByRole("alert").getByText("The server cannot be reached").waitFor();
+    await page.evaluate(() => window.chladni.app.toast("error", "Another", "This one stays."));
+    await page.unroute("**/v1/**");
+    await page.evaluate((id) => window.chladni.app.open(id), id);
+    assert.deepEqual(await page.locator(".toast strong").allInnerTexts(), ["Another"]);
     await close();
   });
 

@@ -62,7 +62,7 @@ pub use vibration_basis::{VibrationBasisParameters, VibrationMethodName};
 
 /// The version of the solvers: it enters the key of equal work, so that a better solver does not answer with old
 /// results.
-pub const SOLVER_VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "+24");
+pub const SOLVER_VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "+25");
 
 /// The names of all kinds of job that work on a mesh.
 pub const MESH_KINDS: &[&str] = &["eigenbasis", "field_basis", "operator_family", "vibration_basis"];

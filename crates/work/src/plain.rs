@@ -160,6 +160,7 @@ fn kind(wanted: &str, range: bool) -> String {
         "a sequence" => "a list",
         "a map" => "an object",
         "string or map" => "a word or an object",
+        "map with a single key" => "a word, or an object with one member",
         "unit" => "null",
         other => {
             if let Some(length) = other.strip_prefix("an array of length ") {
@@ -297,6 +298,10 @@ mod tests {
             (json!({"times": 300}), "times must be a whole number from 0 to 255, got 300"),
             (json!({"weight": null}), "weight must be a number, got null"),
             (json!({"weight": {}}), "weight must be a number, got an object"),
+            (
+                json!({"pen": {"even": 1, "broad": 2}}),
+                "pen must be a word, or an object with one member, got an object",
+            ),
             (json!({"exact": 1}), "exact must be true or false, got 1"),
             (json!({"point": [1, 2]}), "point must be a list of 3, got 2"),
             (json!({"point": 7}), "point must be a list of 3, got 7"),

@@ -49,12 +49,26 @@ export class Look {
       const input = h("input", { type: "number", step: "any", "aria-label": label, placeholder: index ? "largest" : "least" });
       input.addEventListener("change", () => {
         this.wanted[index] = input.value === "" ? NaN : input.valueAsNumber;
+        settle();
         if (this.scalar) this.show(this.scalar, this.ends);
         app.emit("map");
       });
       return input;
     };
     const ends = [end(0, "Colours begin at"), end(1, "Colours end at")];
+    // Ends in the wrong order change places; what leaves nothing between them is said where it was typed, and the values' own range is shown.
+    const settle = () => {
+      if (this.wanted[0] > this.wanted[1]) {
+        this.wanted.reverse();
+        ends.forEach((input, k) => (input.value = String(this.wanted[k])));
+      }
+      for (const input of ends) input.setCustomValidity("");
+      const typed = this.wanted.findLastIndex((value) => !Number.isNaN(value));
+      if (!this.scalar || typed < 0 || this.asked) return;
+      const other = this.wanted.every((value) => !Number.isNaN(value)) ? this.wanted[0] : this.scalar.range[1 - typed];
+      ends[typed].setCustomValidity(`The range must ${typed ? `end above ${brief(other)}` : `begin below ${brief(other)}`}.`);
+      ends[typed].reportValidity();
+    };
     this.element = h("div", { class: "look" }, field("Colours", maps), lines.element, h("div", { class: "field" }, h("span", {}, "Range"), h("div", { class: "row ends" }, ...ends)));
     this.options = (diverging) => {
       maps.replaceChildren(...Object.entries(MAPS).filter(([, map]) => map.diverging === diverging).map(([key, map]) => h("option", { value: key }, map.name)));
@@ -63,7 +77,10 @@ export class Look {
     app.on("look", arrive);
     const forget = () => {
       this.wanted = [NaN, NaN];
-      for (const input of ends) input.value = "";
+      for (const input of ends) {
+        input.value = "";
+        input.setCustomValidity("");
+      }
     };
     app.on("mesh", forget);
     // Another tab shows something else, in another unit.
@@ -104,9 +121,14 @@ export class Look {
 
   /** What the ends of the colours stand for; null where there are no colours. */
   get range(): [number, number] | null {
-    if (!this.scalar) return null;
-    const [low, high] = this.wanted.map((end, k) => (Number.isNaN(end) ? this.scalar!.range[k] : end));
-    return high > low ? [low, high] : this.scalar.range;
+    return this.scalar && (this.asked ?? this.scalar.range);
+  }
+
+  /** The range that was typed in, with the values' own end where one was not; null where nothing lies in it. */
+  private get asked(): [number, number] | null {
+    const { range } = this.scalar!;
+    const [low, high] = this.wanted.map((end, k) => (Number.isNaN(end) ? range[k] : end));
+    return high > low ? [low, high] : null;
   }
 
   /** Where a value lies between the ends of the colours, from 0 to 1. */

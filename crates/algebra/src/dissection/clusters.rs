@@ -16,7 +16,6 @@ const FEW: usize = 100;
 
 /// For each vertex of a graph its cluster, for each cluster that of the next level, and so on. Every cluster has a
 /// member.
-#[derive(Default)]
 pub(super) struct Clusters {
     levels: Vec<Level>,
 }

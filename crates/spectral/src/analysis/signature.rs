@@ -72,7 +72,8 @@ impl Signature {
                 let first = kernel_size(eigenvalues)?;
                 let [low, high] = [eigenvalues[first], eigenvalues[m - 1]].map(f64::ln);
                 if !(high > low) {
-                    return Err(AnalysisError::Count { what: "eigenvalues above zero", found: 1, least: 2, most: m });
+                    let what = "different eigenvalues above zero";
+                    return Err(AnalysisError::Count { what, found: 1, least: 2, most: usize::MAX });
                 }
                 let sigma = 7.0 * (high - low) / *count as f64;
                 let energies = log_spaced((low + 2.0 * sigma).exp(), (high - 2.0 * sigma).exp(), *count);

@@ -25,8 +25,6 @@ pub(super) struct KrylovRequest {
     /// So many of the lowest eigenvalues are zero, and residuals are relative to `‖(S + σM) x‖`, where `σ` is the next
     /// one.
     pub zeros: Option<usize>,
-    /// Whether columns may be orthonormal to some eight digits only, for half of the products with the basis.
-    pub loosely: bool,
 }
 
 /// Which of the wanted pairs may be left, before they have converged, to an iteration that refines what is found.
@@ -55,7 +53,7 @@ impl KrylovRequest {
     /// The lowest pairs of a level of a size.
     pub fn lowest(size: usize, pairs: usize, columns: usize, tolerance: f64, seed: u64) -> Self {
         let (most, least_shift) = (most(size, pairs), NEGLIGIBLE);
-        let (leave, zeros, loosely) = (Leave::Stragglers, None, false);
-        Self { from: 0, pairs, columns, tolerance, most, least_shift, seed, leave, zeros, loosely }
+        let (leave, zeros) = (Leave::Stragglers, None);
+        Self { from: 0, pairs, columns, tolerance, most, least_shift, seed, leave, zeros }
     }
 }

@@ -28,7 +28,7 @@ use super::tuning::TUNING;
 pub(super) struct KrylovPairs {
     /// Ritz values beside the kernel from the first wanted one on, ascending.
     pub values: Vec<f64>,
-    /// Their vectors, orthonormal up to rounding, or as far as was asked for.
+    /// Their vectors, orthonormal up to rounding.
     pub vectors: PanelMatrix,
     /// How many of those that are wanted have not converged.
     pub left: usize,
@@ -56,6 +56,11 @@ const SPENT: f64 = 1e-13;
 /// A block is orthonormal to rounding if it was to this before it was made so.
 const ORTHONORMAL: f64 = 1e-6;
 const MOST_TIMES: usize = 3;
+
+/// A block that waits has products `c` with others that have grown from rounding errors by a factor `g`, the largest
+/// eigenvalue of the operator over the size of the block, so that `c` is `g ε`. Small matrices are off by `c² g` times
+/// that size, which is `c³ / ε`: this times the residual that is asked for is the largest `c³` (decision 0139).
+const LOSS: f64 = 0.1 * f64::EPSILON;
 
 /// Products of columns that are less than this are as good as rounding errors.
 const NOTHING: f64 = 1e-15;
@@ -220,9 +225,12 @@ struct Space<'a> {
     memory: Vec<Vec<f64>>,
     /// No columns.
     nothing: PanelMatrix,
-    loosely: bool,
     zeros: Option<usize>,
-    /// Whether the next block is orthogonal to those of the last panel only, up to rounding errors of a solve.
+    /// Whether every other block may wait for the one after it before it is made orthogonal to all.
+    in_twos: bool,
+    /// The largest product with other blocks that one may come to have while it waits.
+    largest_loss: f64,
+    /// Whether the next block is orthogonal to those of the last panel only, up to what rounding errors have grown to.
     is_loose: bool,
 }
 
@@ -258,8 +266,9 @@ impl<'a> Space<'a> {
             scratch: SolveScratch::default(),
             memory,
             nothing: PanelMatrix::zeros(level.size(), 0),
-            loosely: wanted.loosely,
             zeros: wanted.zeros,
+            in_twos: true,
+            largest_loss: (LOSS * wanted.tolerance).cbrt(),
             is_loose: false,
         };
         // Random vectors hold every frequency alike; solves leave those that are near.
@@ -310,13 +319,20 @@ impl<'a> Space<'a> {
         self.diagonal.push(diagonal);
         self.open.push(last);
         if self.is_loose {
-            self.project_both(&mut image, &mut inertia)?;
-        } else if self.loosely {
+            if self.project_both(&mut image, &mut inertia)? > self.largest_loss {
+                // The last block is taken up anew, as it has become.
+                (self.in_twos, self.is_loose) = (false, false);
+                self.diagonal.pop();
+                self.next = self.open.pop().unwrap_or_default();
+                (self.image, self.inertia) = (image, inertia);
+                return Ok(());
+            }
+        } else if self.in_twos {
             self.project_from(&self.nothing, &mut image, &mut inertia)?;
         } else {
             self.project(&mut image, &mut inertia)?;
         }
-        self.is_loose = self.loosely && !self.is_loose;
+        self.is_loose = self.in_twos && !self.is_loose;
         let beside = self.orthonormalise(&mut image, &mut inertia, size)?;
         self.inertia = inertia;
         self.beside.push(beside);
@@ -338,20 +354,22 @@ impl<'a> Space<'a> {
         Ok(())
     }
 
-    /// Takes off a block and the one before it, which is the last of the space, what they have of all others.
-    fn project_both(&mut self, block: &mut Block, inertia: &mut Block) -> Result<(), HsimError> {
-        let Some(mut last) = self.open.pop() else { return self.project(block, inertia) };
+    /// Takes off a block and the one before it, which is the last of the space, what they have of all others, and reads
+    /// the basis once for both. Gives the largest product that the one before had with any.
+    fn project_both(&mut self, block: &mut Block, inertia: &mut Block) -> Result<f64, HsimError> {
+        let Some(mut last) = self.open.pop() else { return self.project(block, inertia).map(|()| 0.0) };
         let mass = &self.level.mass;
         mass_times_block(mass, block, inertia);
         mass_times_block(mass, &last, &mut self.image);
         let space = (&self.basis, &self.open[..]);
         let products = basis_products(space, [inertia, &self.image], self.monitor)?;
         subtract_from_blocks([block, &mut last], space, &products, self.monitor)?;
+        let loss = products[1].iter().flatten().fold(0f64, |most, x| most.max(x.abs()));
         mass_times_block(mass, &last, inertia);
         let products = block_products(inertia, block);
         subtract_blocks(block, &[(&last, products)]);
         self.open.push(last);
-        Ok(())
+        Ok(loss)
     }
 
     /// Makes a block that is orthogonal to the space orthonormal; gives `R` with the block as it was equal to the new

@@ -1,8 +1,11 @@
 //! Krylov spaces against the dense solver.
 
+use chladni_algebra::{CpuSolver, Ordering, SymmetricDefiniteSolver};
 use chladni_base::Unwatched;
 use chladni_mesh::shape::{Shape, generate};
 
+use super::super::columns::defect as defect_of;
+use super::super::offset::components;
 use super::super::tests::{copies, count, exact, laplacian, rough, solved};
 use super::super::{HsimParameters, Selection, solve};
 use super::*;
@@ -47,6 +50,37 @@ fn an_eigenvalue_may_have_more_vectors_than_a_block_has_columns() {
         let what = format!("{number} copies");
         let found = solved(&mesh, &problem, &count(pairs, 1e-6), &what);
         agree(&found.values, &exact(&problem, pairs), 1e-9, &what);
+    }
+}
+
+#[test]
+fn a_shift_may_lie_next_to_an_eigenvalue() {
+    let mesh = rough(Shape::Torus, 1200);
+    let problem = laplacian(&mesh);
+    let base = Level {
+        stiffness: problem.stiffness.clone(),
+        mass: problem.mass.clone(),
+        positions: mesh.positions.clone(),
+        component: components(&problem.stiffness, &problem.mass, 0.0),
+    };
+    let level = base.in_order(&base.factor_order(Ordering::Amd).unwrap());
+    let symbolic = SymbolicFactor::new(&level.stiffness, &level.mass).unwrap();
+    let (kernel, pairs) = (Kernel::new(&level), 40);
+    // On unit area, as the level is.
+    let truth = CpuSolver.lowest(level.stiffness.to_dense(), level.mass.to_dense(), 60, &Unwatched).unwrap().values;
+    let gap = |k: &usize| (truth[k + 1] - truth[*k]).min(truth[*k] - truth[k - 1]);
+    let beside = (15..25).max_by(|a, b| gap(a).total_cmp(&gap(b))).unwrap();
+    // Rounding errors along this eigenvector grow by a factor of up to 10⁸ with every block.
+    for near in [1e-4, 1e-6, 1e-8] {
+        let (at, below) = (truth[beside] * (1.0 + near), beside + 1);
+        let shift = Scout::new(&level, &symbolic, &Unwatched).shift_at(at, below).unwrap().expect("a shift");
+        let shift = Shift { below: below - kernel.dimension(), ..shift };
+        let wanted = KrylovRequest::lowest(level.size(), pairs, pairs, 1e-9, 3);
+        let found = pairs_or_none(&level, &symbolic, &kernel, &shift, wanted, &Unwatched).unwrap();
+        let Some(KrylovPairs { values, vectors, .. }) = found else { panic!("nothing from a shift {near:e} away") };
+        agree(&values, &truth[1..], 1e-11, &format!("a shift {near:e} away"));
+        let defect = defect_of(&vectors, &level.mass, &Unwatched).unwrap();
+        assert!(defect < 1e-11, "a shift {near:e} away: {defect:e} away from orthonormal");
     }
 }
 

@@ -78,7 +78,6 @@ pub(super) fn one_slice(
         seed: whole.seed.wrapping_add(number as u64),
         leave: Leave::Nothing,
         zeros: None,
-        loosely: tolerance >= TUNING.slices.loose,
     }
 }
 

@@ -75,9 +75,6 @@ pub(super) struct Slices {
     /// Up to so many pairs; above, less by their number: products between columns of different segments are of the size
     /// of residuals over the gap between them.
     pub close_up_to: usize,
-    /// From this tolerance on, columns of a slice are orthonormal to eight digits only, for half of the products with
-    /// the basis: they are joined anyway.
-    pub loose: f64,
 }
 
 /// Of the spaces that the iteration on the mesh starts from (decision 0014).
@@ -183,7 +180,7 @@ pub(super) const TUNING: Tuning = Tuning {
         large: 60_000,
         beyond_modes: 12,
     },
-    slices: Slices { pairs: 250, fewest: 600, beyond: 12, close: 1e-6, close_up_to: 1000, loose: 1e-7 },
+    slices: Slices { pairs: 250, fewest: 600, beyond: 12, close: 1e-6, close_up_to: 1000 },
     hierarchy: Hierarchy { sigma: 10.0, guards: (32, 14), few: 12_000, small: 3000, middle_tolerance: 0.1 },
     order: Order { columns: 128, numbers: 3e7, large: 300_000, many_rows: 5_000 },
     iteration: Iteration {
