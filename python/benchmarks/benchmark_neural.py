@@ -7,7 +7,7 @@ The second line draws the figures beside OUT.svg again, without measuring anythi
 
 Seconds on the clock, the least of --runs. Chladni begins at vertices and faces, so that its operator is included; ARPACK, by SciPy's `eigsh` with SuperLU and with CHOLMOD, begins at matrices
 that are assembled. ARPACK with SuperLU is asked for meshes of up to --most-vertices. The span loss of a basis is the mean over the exact eigenfunctions of 1 - |P f|², where P projects
-onto the span in the norm of the mass (`chladni.Basis.compare` has the angles); exact ones are those of ARPACK where it ran, and else Chladni's, proven complete. --subdivide adds the largest
+onto the span in the norm of the mass; exact ones are those of ARPACK where it ran, and else Chladni's, proven complete. --subdivide adds the largest
 mesh once more with every face cut into four. The figures are written beside the plot, as JSON.
 """
 
@@ -30,19 +30,6 @@ OURS = {
     "approximate, accurate": {"method": "approximate", "accuracy": "accurate"},
     "hsim, complete": {"method": "hsim", "tol": 1e-2},
 }
-
-
-def quartered(vertices, faces):
-    """Every face cut into four at the middles of its edges."""
-    import numpy as np
-
-    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-    unique, which = np.unique(edges, axis=0, return_inverse=True)
-    middle = len(vertices) + which.reshape(3, -1)
-    a, b, c = faces.T
-    ab, bc, ca = middle
-    cut = np.concatenate([np.stack(corners, axis=1) for corners in [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]])
-    return np.concatenate([vertices, vertices[unique].mean(axis=1)]), cut
 
 
 def least(runs, work):
@@ -70,7 +57,7 @@ def measure(arguments):
     chladni.set_threads(arguments.threads)
     meshes = sorted((chladni.Mesh.read(path) for path in arguments.meshes), key=lambda mesh: len(mesh.vertices))
     if arguments.subdivide:
-        meshes.append(chladni.Mesh(*quartered(meshes[-1].vertices, meshes[-1].faces)))
+        meshes.append(chladni.Mesh(meshes[-1].vertices, meshes[-1].faces, subdivide=1))
     rows = []
     for mesh in meshes:
         S, M = mesh.laplacian("laplace")
