@@ -57,7 +57,9 @@ def measure(arguments):
     chladni.set_threads(arguments.threads)
     meshes = sorted((chladni.Mesh.read(path) for path in arguments.meshes), key=lambda mesh: len(mesh.vertices))
     if arguments.subdivide:
-        meshes.append(chladni.Mesh(meshes[-1].vertices, meshes[-1].faces, subdivide=1))
+        finer = chladni.Mesh(meshes[-1].vertices, meshes[-1].faces, subdivide=1)
+        # A mesh of its own: functions on one that was subdivided have the rows of the vertices that were given.
+        meshes.append(chladni.Mesh(finer.kept_vertices, finer.kept_faces))
     rows = []
     for mesh in meshes:
         S, M = mesh.laplacian("laplace")
