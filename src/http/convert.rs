@@ -2,10 +2,10 @@
 
 use chladni_mesh::check::MeshError;
 use chladni_mesh::read::ReadError;
-use chladni_spectral::analysis::AnalysisError;
 use chladni_spectral::analysis::family::FamilyError;
 use chladni_spectral::analysis::filter::FilterError;
 use chladni_spectral::analysis::vibration::SimulationError;
+use chladni_spectral::analysis::{AnalysisError, allowed};
 use chladni_spectral::basis::{BasisError, ColumnError, ProductKind, ProvenanceError};
 use chladni_work::ParameterError;
 
@@ -196,7 +196,7 @@ impl From<AnalysisError> for Problem {
                 Self::new(&problem::INVALID_ANALYSIS, format!("{parameter}: must be {expected}, not {}.", short(value)))
             }
             AnalysisError::Count { what, found, least, most } => {
-                Self::new(&problem::INVALID_ANALYSIS, counted(what, found, least, most))
+                Self::new(&problem::INVALID_ANALYSIS, format!("{what}: must be {}, not {found}.", allowed(least, most)))
             }
             AnalysisError::Stream { at, .. } => Self::new(&problem::INVALID_STREAM, text).with("at", at),
             AnalysisError::Basis(error) => error.into(),
@@ -216,17 +216,6 @@ fn short(value: f64) -> String {
         size if size >= 1e16 && size.is_finite() || size > 0.0 && size < 1e-6 => format!("{value:e}"),
         _ => value.to_string(),
     }
-}
-
-/// How many of something there must be. A bound that no request can reach is none worth telling.
-fn counted(what: &str, found: usize, least: usize, most: usize) -> String {
-    if most == usize::MAX {
-        return format!("{what}: must be at least {least}, not {found}.");
-    }
-    if most == least {
-        return format!("{what}: must be {least}, not {found}.");
-    }
-    format!("{what}: must be between {least} and {most}, not {found}.")
 }
 
 /// An error message as a sentence.

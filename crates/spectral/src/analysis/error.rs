@@ -181,12 +181,17 @@ pub enum AnalysisError {
 /// How many there may be, in words. Some names are numbers already, the others are of things that are counted.
 fn counted(what: &str, found: usize, least: usize, most: usize) -> String {
     let number = if matches!(what, "bits" | "count" | "start" | "step") { "" } else { "the number of " };
-    let range = match most {
+    format!("{number}{what} must be {}, got {found}", allowed(least, most))
+}
+
+/// The numbers from `least` to `most` in words, as after *must be*: *at least 2*, *7*, *between 1 and 3*. A bound of
+/// `usize::MAX` is none worth telling.
+pub fn allowed(least: usize, most: usize) -> String {
+    match most {
         usize::MAX => format!("at least {least}"),
         most if most == least => least.to_string(),
         most => format!("between {least} and {most}"),
-    };
-    format!("{number}{what} must be {range}, got {found}")
+    }
 }
 
 stopped!(

@@ -26,7 +26,7 @@ mod unit_gradients;
 pub mod value_gradient;
 pub mod vibration;
 
-pub use error::AnalysisError;
+pub use error::{AnalysisError, allowed};
 
 #[cfg(test)]
 pub(crate) mod fixtures;

@@ -288,6 +288,8 @@ mod tests {
         );
         assert!(text(Signature::HeatKernel { times: vec![], normalised: false }).ends_with(", got 0"));
         assert!(text(Signature::WaveKernel { count: 3 }).starts_with("count must be between 32 and "));
+        let few = Signature::WaveKernel { count: 32 }.everywhere(&chain(20, 2)).unwrap_err();
+        assert_eq!(few.to_string(), "the number of different eigenvalues above zero must be at least 2, got 1");
         assert!(text(Signature::GlobalPoint { count: 8 }).ends_with("count must be between 1 and 7, got 8"));
         let error = Signature::GlobalPoint { count: 2 }.at(&basis, &[0, 20]).unwrap_err();
         assert_eq!(error.to_string(), "point 1 is vertex 20 of 20");

@@ -301,13 +301,13 @@ impl<'a> Space<'a> {
         product
     }
 
-    /// Takes the next block into the space and makes the one after it.
+    /// Takes the next block into the space and makes the one after it; or leaves it where it was to be taken up anew.
     fn grow(&mut self) -> Result<(), HsimError> {
         if self.open.len() > BLOCKS {
             append_blocks(&mut self.basis, &self.open[..BLOCKS], &mut self.memory);
             self.image = self.open.drain(..BLOCKS).next().unwrap_or_default();
         }
-        let last = std::mem::take(&mut self.next);
+        let mut last = std::mem::take(&mut self.next);
         let mut image = self.product(&last);
         // What is known to be there first, so that the products with all blocks are of what is left.
         let mut inertia = std::mem::take(&mut self.inertia);
@@ -316,20 +316,17 @@ impl<'a> Space<'a> {
         let size = largest(&diagonal).max(self.beside.last().map_or(0.0, largest));
         let before = self.open.last().zip(self.beside.last()).map(|(block, beside)| (&block[..], transposed(beside)));
         subtract_blocks(&mut image, &before.into_iter().chain([(&last[..], diagonal)]).collect::<Vec<_>>());
+        if self.is_loose && self.project_both(&mut image, &mut last, &mut inertia)? > self.largest_loss {
+            // It is taken up anew, as it has become.
+            (self.in_twos, self.is_loose) = (false, false);
+            (self.next, self.image, self.inertia) = (last, image, inertia);
+            return Ok(());
+        }
         self.diagonal.push(diagonal);
         self.open.push(last);
-        if self.is_loose {
-            if self.project_both(&mut image, &mut inertia)? > self.largest_loss {
-                // The last block is taken up anew, as it has become.
-                (self.in_twos, self.is_loose) = (false, false);
-                self.diagonal.pop();
-                self.next = self.open.pop().unwrap_or_default();
-                (self.image, self.inertia) = (image, inertia);
-                return Ok(());
-            }
-        } else if self.in_twos {
+        if self.in_twos && !self.is_loose {
             self.project_from(&self.nothing, &mut image, &mut inertia)?;
-        } else {
+        } else if !self.in_twos {
             self.project(&mut image, &mut inertia)?;
         }
         self.is_loose = self.in_twos && !self.is_loose;
@@ -354,21 +351,19 @@ impl<'a> Space<'a> {
         Ok(())
     }
 
-    /// Takes off a block and the one before it, which is the last of the space, what they have of all others, and reads
+    /// Takes off a block and the one before it, which is not in the space yet, what they have of all others, and reads
     /// the basis once for both. Gives the largest product that the one before had with any.
-    fn project_both(&mut self, block: &mut Block, inertia: &mut Block) -> Result<f64, HsimError> {
-        let Some(mut last) = self.open.pop() else { return self.project(block, inertia).map(|()| 0.0) };
+    fn project_both(&mut self, block: &mut Block, last: &mut Block, inertia: &mut Block) -> Result<f64, HsimError> {
         let mass = &self.level.mass;
         mass_times_block(mass, block, inertia);
-        mass_times_block(mass, &last, &mut self.image);
+        mass_times_block(mass, last, &mut self.image);
         let space = (&self.basis, &self.open[..]);
         let products = basis_products(space, [inertia, &self.image], self.monitor)?;
-        subtract_from_blocks([block, &mut last], space, &products, self.monitor)?;
+        subtract_from_blocks([block, last], space, &products, self.monitor)?;
         let loss = products[1].iter().flatten().fold(0f64, |most, x| most.max(x.abs()));
-        mass_times_block(mass, &last, inertia);
+        mass_times_block(mass, last, inertia);
         let products = block_products(inertia, block);
-        subtract_blocks(block, &[(&last, products)]);
-        self.open.push(last);
+        subtract_blocks(block, &[(last, products)]);
         Ok(loss)
     }
 

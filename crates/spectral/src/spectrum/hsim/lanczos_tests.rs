@@ -1,12 +1,11 @@
 //! Krylov spaces against the dense solver.
 
-use chladni_algebra::{CpuSolver, Ordering, SymmetricDefiniteSolver};
+use chladni_algebra::{CpuSolver, SymmetricDefiniteSolver};
 use chladni_base::Unwatched;
 use chladni_mesh::shape::{Shape, generate};
 
 use super::super::columns::defect as defect_of;
-use super::super::offset::components;
-use super::super::tests::{copies, count, exact, laplacian, rough, solved};
+use super::super::tests::{copies, count, exact, laplacian, level_of, rough, solved};
 use super::super::{HsimParameters, Selection, solve};
 use super::*;
 use crate::operator::{Boundary, MassKind, OperatorKind, OperatorParameters, assemble};
@@ -57,13 +56,7 @@ fn an_eigenvalue_may_have_more_vectors_than_a_block_has_columns() {
 fn a_shift_may_lie_next_to_an_eigenvalue() {
     let mesh = rough(Shape::Torus, 1200);
     let problem = laplacian(&mesh);
-    let base = Level {
-        stiffness: problem.stiffness.clone(),
-        mass: problem.mass.clone(),
-        positions: mesh.positions.clone(),
-        component: components(&problem.stiffness, &problem.mass, 0.0),
-    };
-    let level = base.in_order(&base.factor_order(Ordering::Amd).unwrap());
+    let level = level_of(&mesh, &problem);
     let symbolic = SymbolicFactor::new(&level.stiffness, &level.mass).unwrap();
     let (kernel, pairs) = (Kernel::new(&level), 40);
     // On unit area, as the level is.

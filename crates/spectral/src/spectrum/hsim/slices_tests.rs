@@ -1,16 +1,15 @@
 //! Slices against the dense solver and the hierarchy; and their judgement, with pairs that are right and wrong.
 
-use chladni_algebra::{CpuSolver, Ordering, PanelMatrix, SymmetricDefiniteSolver, restrict, rotate};
+use chladni_algebra::{CpuSolver, PanelMatrix, SymmetricDefiniteSolver, restrict, rotate};
 use chladni_base::{SplitMix64, Unwatched};
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::shape::Shape;
 
 use super::super::judge::Candidates;
 use super::super::judge_slices::certify_segments;
-use super::super::offset::components;
 use super::super::ritz::ritz;
 use super::super::segments::{Cuts, is_certain};
-use super::super::tests::{copies, count, laplacian, rough, solved};
+use super::super::tests::{copies, count, laplacian, level_of, rough, solved};
 use super::super::{HsimError, HsimParameters, solve};
 use super::*;
 use crate::operator::{Boundary, EigenProblem, MassKind, OperatorKind, OperatorParameters, assemble};
@@ -18,16 +17,6 @@ use crate::operator::{Boundary, EigenProblem, MassKind, OperatorKind, OperatorPa
 fn problem(mesh: &TriangleMesh, mass: MassKind, boundary: Boundary) -> EigenProblem {
     let parameters = OperatorParameters { operator: OperatorKind::Laplace, mass, boundary };
     assemble(mesh, &parameters, &Unwatched).unwrap().problem
-}
-
-fn level_of(mesh: &TriangleMesh, problem: &EigenProblem) -> Level {
-    let component = components(&problem.stiffness, &problem.mass, 0.0);
-    let positions = match &problem.unknowns {
-        None => mesh.positions.clone(),
-        Some(unknowns) => unknowns.iter().map(|&vertex| mesh.positions[vertex as usize]).collect(),
-    };
-    let level = Level { stiffness: problem.stiffness.clone(), mass: problem.mass.clone(), positions, component };
-    level.in_order(&level.factor_order(Ordering::Amd).unwrap())
 }
 
 /// All eigenvalues of a level, ascending, on unit area.

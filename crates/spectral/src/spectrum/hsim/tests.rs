@@ -7,6 +7,8 @@ use chladni_base::{Cancelled, Monitor, Unwatched};
 use chladni_mesh::TriangleMesh;
 use chladni_mesh::shape::{Shape, generate, noisy, renumbered};
 
+use super::level::Level;
+use super::offset::components;
 use crate::operator::{
     Boundary, EigenProblem, MassKind, OperatorKind, OperatorParameters, Potential, assemble as assemble_operator,
 };
@@ -26,6 +28,17 @@ pub(super) fn count(count: usize, tolerance: f64) -> HsimParameters {
 
 pub(super) fn below(bound: f64, most: usize) -> HsimParameters {
     HsimParameters { selection: Selection::Below { bound, most }, tolerance: 1e-6, ..HsimParameters::default() }
+}
+
+/// The level of a problem, rows in an order for its factor.
+pub(super) fn level_of(mesh: &TriangleMesh, problem: &EigenProblem) -> Level {
+    let component = components(&problem.stiffness, &problem.mass, 0.0);
+    let positions = match &problem.unknowns {
+        None => mesh.positions.clone(),
+        Some(unknowns) => unknowns.iter().map(|&vertex| mesh.positions[vertex as usize]).collect(),
+    };
+    let level = Level { stiffness: problem.stiffness.clone(), mass: problem.mass.clone(), positions, component };
+    level.in_order(&level.factor_order(chladni_algebra::Ordering::Amd).unwrap())
 }
 
 /// The lowest eigenvalues by the dense solver, in the units of the input.
