@@ -17,13 +17,7 @@ import argparse
 import json
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("svg")
-import matplotlib.pyplot as plt  # noqa: E402
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter  # noqa: E402
-
-matplotlib.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "chladni"})
+from benchmark_plots import plt, readable
 
 OURS = {
     "approximate": {"method": "approximate"},
@@ -103,11 +97,9 @@ def draw(told, out):
                 axes.loglog(at, [most for _, most in values], marker="^", linestyle=":", color=line.get_color())
         axes.set(title=f"{told['count']} eigenfunctions", xlabel="vertices", ylabel=label)
         axes.grid(True, which="both", alpha=0.25)
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:,.10g}"))
+        readable(axes.xaxis, steps=(1,))
         axes.legend(frameon=False)
-    left.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    left.yaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:,.10g}"))
-    left.yaxis.set_minor_formatter(NullFormatter())
+    readable(left.yaxis)
     # What neural eigensolvers report on theirs: Yang, Du and Liu 2026, Learning Laplacian Eigenspace with Mass-Aware Neural Operators on Point Clouds.
     right.axhline(3.35e-3, color="grey", linestyle="--", linewidth=1)
     right.annotate("mean of a neural eigensolver (NEO)", (1, 3.35e-3), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize="small", color="grey")

@@ -98,6 +98,13 @@ def measure(arguments):
     return told
 
 
+def readable(axis, steps=(1, 2, 5)):
+    """Plain numbers at these multiples of the powers of ten."""
+    axis.set_major_locator(LogLocator(subs=steps))
+    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:,.10g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
 def draw(axes, title, courses):
     for name, points in courses.items():
         if points:
@@ -105,10 +112,8 @@ def draw(axes, title, courses):
     # What is fixed is in the title.
     label = "vertices" if title.endswith(" pairs") else "pairs"
     axes.set(title=title, xlabel=label, ylabel="processor seconds, one thread")
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:,.10g}"))
-        axis.set_minor_formatter(NullFormatter())
+    readable(axes.xaxis)
+    readable(axes.yaxis)
     axes.grid(True, which="both", alpha=0.25)
     axes.legend(frameon=False)
 
