@@ -20,6 +20,7 @@ export class Look {
   private name = { diverging: "blue-orange", sequential: "viridis" };
   /** Ends of the range that were typed in; what is not a number follows the values. */
   private wanted: [number, number] = [NaN, NaN];
+  private readonly inputs: HTMLInputElement[];
   private counts: number[] = [];
   private marked: number | null = null;
 
@@ -49,27 +50,19 @@ export class Look {
       const input = h("input", { type: "number", step: "any", "aria-label": label, placeholder: index ? "largest" : "least" });
       input.addEventListener("change", () => {
         this.wanted[index] = input.value === "" ? NaN : input.valueAsNumber;
-        settle();
+        // Ends in the wrong order change places.
+        if (this.wanted[0] > this.wanted[1]) {
+          this.wanted.reverse();
+          this.inputs.forEach((input, k) => (input.value = String(this.wanted[k])));
+        }
         if (this.scalar) this.show(this.scalar, this.ends);
+        for (const input of this.inputs) input.reportValidity();
         app.emit("map");
       });
       return input;
     };
-    const ends = [end(0, "Colours begin at"), end(1, "Colours end at")];
-    // Ends in the wrong order change places; what leaves nothing between them is said where it was typed, and the values' own range is shown.
-    const settle = () => {
-      if (this.wanted[0] > this.wanted[1]) {
-        this.wanted.reverse();
-        ends.forEach((input, k) => (input.value = String(this.wanted[k])));
-      }
-      for (const input of ends) input.setCustomValidity("");
-      const typed = this.wanted.findLastIndex((value) => !Number.isNaN(value));
-      if (!this.scalar || typed < 0 || this.asked) return;
-      const other = this.wanted.every((value) => !Number.isNaN(value)) ? this.wanted[0] : this.scalar.range[1 - typed];
-      ends[typed].setCustomValidity(`The range must ${typed ? `end above ${brief(other)}` : `begin below ${brief(other)}`}.`);
-      ends[typed].reportValidity();
-    };
-    this.element = h("div", { class: "look" }, field("Colours", maps), lines.element, h("div", { class: "field" }, h("span", {}, "Range"), h("div", { class: "row ends" }, ...ends)));
+    this.inputs = [end(0, "Colours begin at"), end(1, "Colours end at")];
+    this.element = h("div", { class: "look" }, field("Colours", maps), lines.element, h("div", { class: "field" }, h("span", {}, "Range"), h("div", { class: "row ends" }, ...this.inputs)));
     this.options = (diverging) => {
       maps.replaceChildren(...Object.entries(MAPS).filter(([, map]) => map.diverging === diverging).map(([key, map]) => h("option", { value: key }, map.name)));
       maps.value = this.name[diverging ? "diverging" : "sequential"];
@@ -77,7 +70,7 @@ export class Look {
     app.on("look", arrive);
     const forget = () => {
       this.wanted = [NaN, NaN];
-      for (const input of ends) {
+      for (const input of this.inputs) {
         input.value = "";
         input.setCustomValidity("");
       }
@@ -105,6 +98,7 @@ export class Look {
       return this.app.viewer.setScalar(null);
     }
     const range = this.range!;
+    this.judge(scalar.range);
     this.app.viewer.setScalar({ ...scalar, range });
     this.legend.hidden = false;
     // What words describe changes from picture to picture, and numbers would be of no use.
@@ -117,6 +111,15 @@ export class Look {
       this.plot.draw();
     }
     this.apply();
+  }
+
+  /** Says at an end that was typed in whether it leaves nothing between itself and the other one: the values' own range is shown then. */
+  private judge(range: [number, number]) {
+    for (const input of this.inputs) input.setCustomValidity("");
+    const typed = this.wanted.findLastIndex((value) => !Number.isNaN(value));
+    if (typed < 0 || this.asked) return;
+    const other = this.wanted.every((value) => !Number.isNaN(value)) ? this.wanted[0] : range[1 - typed];
+    this.inputs[typed].setCustomValidity(`The range must ${typed ? "end above" : "begin below"} ${brief(other)}.`);
   }
 
   /** What the ends of the colours stand for; null where there are no colours. */
