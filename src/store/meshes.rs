@@ -429,17 +429,40 @@ fn write_whole(
         out.write_all(&(inner.len() as u64).to_le_bytes())?;
         out.write_all(&(tetrahedra.len() as u64).to_le_bytes())?;
     }
-    for coordinate in mesh.positions.iter().chain(inner).flatten() {
-        out.write_all(&coordinate.to_le_bytes())?;
+    for coordinates in [mesh.positions.as_flattened(), inner.as_flattened()] {
+        write_numbers(coordinates, |coordinate| coordinate.to_le_bytes(), out)?;
     }
-    for vertex in mesh.faces.as_flattened().iter().chain(tetrahedra.as_flattened()) {
-        out.write_all(&vertex.to_le_bytes())?;
+    for vertices in [mesh.faces.as_flattened(), tetrahedra.as_flattened()] {
+        write_numbers(vertices, |vertex| vertex.to_le_bytes(), out)?;
     }
     if !attributes.is_empty() {
         out.write_all(&(numbering.len() as u64).to_le_bytes())?;
     }
     out.write_all(numbering)?;
     out.write_all(attributes)
+}
+
+/// Writes numbers with the lowest byte first: at once where the machine has them so.
+fn write_numbers<T: bytemuck::NoUninit, const N: usize>(
+    numbers: &[T],
+    bytes_of: impl Fn(T) -> [u8; N],
+    out: &mut impl Write,
+) -> std::io::Result<()> {
+    match cfg!(target_endian = "little") {
+        true => out.write_all(bytemuck::cast_slice(numbers)),
+        false => numbers.iter().try_for_each(|&number| out.write_all(&bytes_of(number))),
+    }
+}
+
+/// Reads what [`write_numbers`] wrote.
+fn read_numbers<T: bytemuck::Pod, const N: usize>(bytes: &[u8], of_bytes: impl Fn([u8; N]) -> T) -> Vec<T> {
+    let bytes = bytes.as_chunks::<N>().0;
+    if cfg!(target_endian = "little") {
+        let mut numbers = vec![T::zeroed(); bytes.len()];
+        bytemuck::cast_slice_mut(&mut numbers).copy_from_slice(bytes.as_flattened());
+        return numbers;
+    }
+    bytes.iter().map(|&bytes| of_bytes(bytes)).collect()
 }
 
 /// What is stored of a mesh.
@@ -489,9 +512,8 @@ fn decode(bytes: &[u8]) -> Option<Body> {
     }
     let (positions, corners) = body.split_at(position_bytes);
     let (faces, tetrahedra) = corners.split_at(face_bytes);
-    let numbers =
-        |bytes: &[u8]| -> Vec<u32> { bytes.as_chunks::<4>().0.iter().map(|&w| u32::from_le_bytes(w)).collect() };
-    let positions = positions.as_chunks::<8>().0.iter().map(|&word| f64::from_le_bytes(word)).collect::<Vec<_>>();
+    let numbers = |bytes: &[u8]| read_numbers(bytes, u32::from_le_bytes);
+    let positions = read_numbers(positions, f64::from_le_bytes);
     let positions: &[[f64; 3]] = positions.as_chunks().0;
     let mut mesh = TriangleMesh {
         positions: positions[..surface].to_vec(),
