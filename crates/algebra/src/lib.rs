@@ -58,7 +58,7 @@ pub use krylov_block::{
 };
 pub use lift::{LIFT_WIDTH, RowLifter};
 pub use mass::{MassMatrix, WeightedMass};
-pub use multigrid::{CYCLE_WIDTH, CycleRow, CycleWorkspace, Multigrid, MultigridError, by_patch};
+pub use multigrid::{CYCLE_WIDTH, CycleRow, CycleWorkspace, Multigrid, MultigridError, by_patch, zeros_by_all};
 pub use ordering::{Ordering, fill_reducing_order, postordered};
 use panel_products::residual_panel_rows;
 pub use panel_products::{
@@ -66,7 +66,7 @@ pub use panel_products::{
     restrict, rotate, rotate_and_spare, subtract_combinations,
 };
 pub use panels::{PANEL_WIDTH, PanelMatrix};
-pub use patches::{ExactRow, PATCH_ROWS, Patch, RINGS, SparseRows};
+pub use patches::{AT_ONCE, ExactRow, PATCH_ROWS, Patch, RINGS, SparseRows};
 pub use polar::nearest_orthogonal;
 pub use product::{Panel, Scalar};
 pub use recount::eigenvalues_below;

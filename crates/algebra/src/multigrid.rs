@@ -25,9 +25,9 @@ use chladni_base::parallel::*;
 use self::aggregate::prolongation;
 pub(crate) use self::coarsest::Coarsest;
 use self::restrict::restricted;
-pub use self::sharing::by_patch;
 use self::sharing::{SHARED_ROWS, Sharing, over_patches};
-use self::smoother::{Buffers, Factors, add_product, residual, restrict};
+pub use self::sharing::{by_patch, zeros_by_all};
+use self::smoother::{Buffers, Factors, Given, add_product, residual, restrict};
 #[cfg(feature = "gpu")]
 pub(crate) use self::smoother::{ChebyshevStep, FIRST_GAMMA, chebyshev};
 use super::patches::{RINGS, SparseRows, patches};
@@ -109,8 +109,8 @@ pub(crate) struct Diagonal {
 /// What one panel needs on every level: one for each thread, or one that all threads share.
 #[derive(Debug)]
 pub struct CycleWorkspace {
-    /// The smoothed panel on the finest level.
-    smoothed: Vec<CycleRow>,
+    /// The factors of all rows on the finest level.
+    factors: Vec<Factors>,
     /// Where threads share a panel, what is left of the right-hand side on the finest level.
     rest: Option<Vec<CycleRow>>,
     /// Patches with their rings, one for each thread.
@@ -202,7 +202,7 @@ impl Multigrid {
     /// and results the same up to rounding, whatever the number of threads.
     pub fn shared_workspace(&self) -> CycleWorkspace {
         let n = self.finest.as_ref().map_or(0, |finest| finest.diagonal.mass.len());
-        self.workspace_of(Some(vec![[0.0; CYCLE_WIDTH]; n]))
+        self.workspace_of(Some(zeros_by_all(n)))
     }
 
     fn workspace_of(&self, rest: Option<Vec<CycleRow>>) -> CycleWorkspace {
@@ -213,7 +213,7 @@ impl Multigrid {
             Buffers { right: zeros(n), x: zeros(n), before: zeros(n), factors }
         };
         CycleWorkspace {
-            smoothed: zeros(self.finest.as_ref().map_or(0, |finest| finest.diagonal.mass.len())),
+            factors: vec![Factors::default(); self.finest.as_ref().map_or(0, |finest| finest.diagonal.mass.len())],
             rest,
             patches: Spare::default(),
             levels: self.levels.iter().map(buffers).collect(),
@@ -236,7 +236,7 @@ impl Multigrid {
         targets: Vec<T>,
         visit: impl Fn(&Patch, &mut [CycleRow], T) -> S + Sync,
     ) -> Vec<S> {
-        let CycleWorkspace { smoothed, rest, patches, levels, reduced } = workspace;
+        let CycleWorkspace { factors, rest, patches, levels, reduced } = workspace;
         assert_eq!(right.len(), self.patches.last().map_or(0, |patch| patch.rows().end), "a row for each unknown");
         assert_eq!(targets.len(), self.patches.len(), "a target for each patch");
         let sharing = if rest.is_some() { Sharing::AllThreads } else { Sharing::OneThread };
@@ -250,28 +250,29 @@ impl Multigrid {
                 visit(patch, &mut local.x, target)
             });
         };
+        finest.diagonal.put_factors(sigma, sharing, factors);
+        let given = Given { right, factors };
         match rest {
             None => {
                 levels[0].right.fill([0.0; CYCLE_WIDTH]);
                 patches.with(Buffers::default, |local| {
                     for patch in &self.patches {
-                        finest.down(patch, sigma, right, local, smoothed, &mut levels[0].right);
+                        finest.down(patch, given, local, &mut levels[0].right);
                     }
                 });
             }
             Some(rest) => {
-                let parts = by_patch(&self.patches, smoothed).into_iter().zip(by_patch(&self.patches, rest)).collect();
-                over_patches(sharing, &self.patches, patches, parts, |patch, local, (smoothed, rest)| {
-                    finest.smooth_from_zero(patch, sigma, right, local, smoothed);
-                    local.residual(patch.matrix(), rest);
+                over_patches(sharing, &self.patches, patches, by_patch(&self.patches, rest), |patch, local, rest| {
+                    finest.smooth_from_zero(patch, given, local);
+                    residual(patch.matrix(), 0, given.part(patch.rows()), &local.x, rest);
                 });
                 restrict(finest.restriction(levels[0].right.len()), rest, &mut levels[0].right, sharing);
             }
         }
         self.descend(0, sigma, levels, reduced, sharing);
-        let (smoothed, coarse) = (&*smoothed, &levels[0].x);
+        let coarse = &levels[0].x;
         over_patches(sharing, &self.patches, patches, targets, |patch, local, target| {
-            finest.up(patch, sigma, right, local, smoothed, coarse);
+            finest.up(patch, given, local, coarse);
             visit(patch, &mut local.x[..patch.vertices(1).len()], target)
         })
     }
@@ -282,30 +283,31 @@ impl Multigrid {
         let n = level.diagonal.mass.len();
         let sharing = sharing.of(n);
         let Some((own, rest)) = buffers.split_first_mut() else { return };
-        for (row, factors) in own.factors.iter_mut().enumerate() {
-            *factors = level.diagonal.factors(row, sigma);
-        }
+        level.diagonal.put_factors(sigma, sharing, &mut own.factors);
         let Some(prolongation) = &level.prolongation else {
             match &self.coarsest {
                 Some(coarsest) => coarsest.solve(sigma, &own.right, reduced, &mut own.x),
                 None => {
                     own.first_step(n, sharing);
-                    own.steps(&level.matrix, 1..LAST_DEGREE, |_| n, sharing);
+                    own.steps(&level.matrix, 1..LAST_DEGREE, n, sharing);
                 }
             }
             return;
         };
         own.first_step(n, sharing);
-        own.steps(&level.matrix, 1..COARSE_BEFORE, |_| n, sharing);
+        own.steps(&level.matrix, 1..COARSE_BEFORE, n, sharing);
         match sharing {
             Sharing::OneThread => {
                 rest[0].right.fill([0.0; CYCLE_WIDTH]);
-                own.restrict_residual(&level.matrix, prolongation, 0..n, &mut rest[0].right);
+                let given = Given { right: &own.right, factors: &own.factors };
+                own.restrict_residual(&level.matrix, given, prolongation, 0..n, &mut rest[0].right);
             }
             Sharing::AllThreads => {
                 let Buffers { right, x, before, factors } = &mut *own;
+                let given = Given { right, factors };
                 let part = |(at, out): (usize, &mut [CycleRow])| {
-                    residual(&level.matrix, at * SHARED_ROWS, (right, x, factors), out);
+                    let from = at * SHARED_ROWS;
+                    residual(&level.matrix, from, given.part(from..from + out.len()), x, out);
                 };
                 before.par_chunks_mut(SHARED_ROWS).enumerate().for_each(part);
                 restrict(level.restriction(prolongation, rest[0].right.len()), before, &mut rest[0].right, sharing);
@@ -324,23 +326,16 @@ impl Multigrid {
                 },
             );
         });
-        own.steps(&level.matrix, 0..COARSE_AFTER, |_| n, sharing);
+        own.steps(&level.matrix, 0..COARSE_AFTER, n, sharing);
     }
 }
 
 impl Finest {
     /// Smooths from zero on a patch, and adds what remains to the right-hand side of the level below.
-    fn down(
-        &self,
-        patch: &Patch,
-        sigma: f32,
-        right: &[CycleRow],
-        local: &mut Buffers,
-        smoothed: &mut [CycleRow],
-        coarse: &mut [CycleRow],
-    ) {
-        self.smooth_from_zero(patch, sigma, right, local, &mut smoothed[patch.rows()]);
-        local.restrict_residual(patch.matrix(), &self.prolongation, patch.rows(), coarse);
+    fn down(&self, patch: &Patch, given: Given<'_>, local: &mut Buffers, coarse: &mut [CycleRow]) {
+        self.smooth_from_zero(patch, given, local);
+        let own = given.part(patch.rows());
+        local.restrict_residual(patch.matrix(), own, &self.prolongation, patch.rows(), coarse);
     }
 
     /// The transposed prolongation, with as many rows as the next level, made when threads first share a panel.
@@ -348,54 +343,43 @@ impl Finest {
         self.restriction.get_or_init(|| self.prolongation.transposed(rows))
     }
 
-    /// Smooths from zero on a patch and its first ring; `smoothed` gets the patch.
-    fn smooth_from_zero(
-        &self,
-        patch: &Patch,
-        sigma: f32,
-        right: &[CycleRow],
-        local: &mut Buffers,
-        smoothed: &mut [CycleRow],
-    ) {
-        let ends: [usize; BEFORE + 1] = std::array::from_fn(|rings| patch.vertices(rings).len());
-        local.prepare(patch, BEFORE, sigma, &self.diagonal, right);
-        local.x.resize(ends[BEFORE], [0.0; CYCLE_WIDTH]);
-        local.before.resize(ends[BEFORE], [0.0; CYCLE_WIDTH]);
-        local.first_step(ends[BEFORE], Sharing::OneThread);
-        local.steps(patch.matrix(), 1..BEFORE, |step| ends[BEFORE - step], Sharing::OneThread);
-        smoothed.copy_from_slice(&local.x[..smoothed.len()]);
-    }
-
-    /// Adds the coarse correction on a patch and smooths: the result, in `local.x`, holds on the patch and its first
-    /// ring.
-    fn up(
-        &self,
-        patch: &Patch,
-        sigma: f32,
-        right: &[CycleRow],
-        local: &mut Buffers,
-        smoothed: &[CycleRow],
-        coarse: &[CycleRow],
-    ) {
-        let ends: [usize; AFTER + 1] = std::array::from_fn(|rings| patch.vertices(rings).len());
-        local.prepare(patch, AFTER, sigma, &self.diagonal, right);
-        local.gather(patch, RINGS, smoothed);
-        local.before.resize(local.x.len(), [0.0; CYCLE_WIDTH]);
+    /// Smooths from zero on a patch and its first ring: a single step, which is taken again on the way up.
+    fn smooth_from_zero(&self, patch: &Patch, given: Given<'_>, local: &mut Buffers) {
+        let vertices = patch.vertices(BEFORE);
+        local.x.resize(vertices.len(), [0.0; CYCLE_WIDTH]);
         vectorized(
             &mut local.x,
             #[inline(always)]
             |x: &mut Vec<CycleRow>| {
-                for (&vertex, x) in patch.vertices(RINGS).iter().zip(x) {
-                    add_product(self.prolongation.row(vertex as usize), coarse, x);
+                vertices.iter().zip(x).for_each(|(&vertex, x)| *x = given.first_step(vertex as usize));
+            },
+        );
+    }
+
+    /// Adds the coarse correction to what is smoothed from zero on a patch, and smooths: the result, in `local.x`,
+    /// holds on the patch and its first ring.
+    fn up(&self, patch: &Patch, given: Given<'_>, local: &mut Buffers, coarse: &[CycleRow]) {
+        local.prepare(patch, AFTER, given);
+        let vertices = patch.vertices(RINGS);
+        local.x.resize(vertices.len(), [0.0; CYCLE_WIDTH]);
+        local.before.resize(vertices.len(), [0.0; CYCLE_WIDTH]);
+        vectorized(
+            &mut local.x,
+            #[inline(always)]
+            |x: &mut Vec<CycleRow>| {
+                for (&vertex, x) in vertices.iter().zip(x) {
+                    let mut sum = given.first_step(vertex as usize);
+                    add_product(self.prolongation.row(vertex as usize), coarse, &mut sum);
+                    *x = sum;
                 }
             },
         );
-        local.steps(patch.matrix(), 0..AFTER, |step| ends[AFTER - step], Sharing::OneThread);
+        local.steps_on_patch(patch, given.part(patch.rows()), AFTER);
     }
 }
 
-/// The last step of the smoother that begins on all rings leaves one.
-const _: () = assert!(AFTER + 1 == RINGS && BEFORE < RINGS);
+/// The last step of the smoother that begins on all rings leaves one; a first step of one row needs no other.
+const _: () = assert!(AFTER + 1 == RINGS && BEFORE == 1);
 
 impl Diagonal {
     fn of(matrix: &SparseMatrix, masses: &[f64], floor: f64) -> Self {
@@ -407,11 +391,20 @@ impl Diagonal {
         }
     }
 
-    #[inline(always)]
-    fn factors(&self, row: usize, sigma: f32) -> Factors {
-        let size = self.sums[row] + sigma * self.mass[row];
-        let scale = if size > 0.0 { 1.0 / size } else { 0.0 };
-        Factors { scale, mass: (sigma + self.floor) * self.mass[row] }
+    /// The factors of all rows.
+    fn put_factors(&self, sigma: f32, sharing: Sharing, out: &mut [Factors]) {
+        let one = |(out, (sum, mass)): (&mut Factors, (&f32, &f32))| {
+            let size = sum + sigma * mass;
+            let scale = if size > 0.0 { 1.0 / size } else { 0.0 };
+            *out = Factors { scale, mass: (sigma + self.floor) * mass };
+        };
+        match sharing {
+            Sharing::OneThread => out.iter_mut().zip(self.sums.iter().zip(&self.mass)).for_each(one),
+            Sharing::AllThreads => {
+                let rows = out.par_iter_mut().zip(self.sums.par_iter().zip(&self.mass));
+                rows.with_min_len(SHARED_ROWS).for_each(one);
+            }
+        }
     }
 }
 

@@ -61,9 +61,18 @@ pub(super) struct Rows {
 
 impl Rows {
     fn of(rows: &SparseRows) -> Self {
-        let entries = rows.entries().par_iter().with_min_len(1 << 14);
-        let (columns, values) = (entries.clone().map(|entry| entry.0), entries.map(|entry| entry.1));
-        Self { starts: rows.offsets().to_vec(), columns: columns.collect(), values: values.collect() }
+        // What fills rows up is of use to loops of the CPU alone.
+        let mut starts = Vec::with_capacity(rows.offsets().len());
+        let (mut columns, mut values) = (Vec::new(), Vec::new());
+        starts.push(0);
+        for row in 0..rows.offsets().len().saturating_sub(1) {
+            for &(column, value) in rows.row(row).iter().filter(|entry| entry.1 != 0.0) {
+                columns.push(column);
+                values.push(value);
+            }
+            starts.push(columns.len() as u32);
+        }
+        Self { starts, columns, values }
     }
 }
 

@@ -35,6 +35,11 @@ impl Sharing {
     }
 }
 
+/// Rows of zeros, written by all threads: what fresh memory costs is the first touch.
+pub fn zeros_by_all(rows: usize) -> Vec<CycleRow> {
+    (0..rows).into_par_iter().with_min_len(SHARED_ROWS).map(|_| Default::default()).collect()
+}
+
 /// Calls `work` with each patch, buffers and its target; the answers are in order.
 pub(super) fn over_patches<T: Send, S: Send>(
     sharing: Sharing,

@@ -44,7 +44,7 @@ use crate::operator::EigenProblem;
 use chladni_algebra::gpu::{self, EnclosureSums, ResidualSums};
 use chladni_algebra::{
     CYCLE_WIDTH, CycleRow, CycleWorkspace, DenseMatrix, LIFT_WIDTH, MassMatrix, Multigrid, MultigridError, PATCH_ROWS,
-    Patch, RowLifter, SparseMatrix, by_patch, compact_order,
+    Patch, RowLifter, SparseMatrix, by_patch, compact_order, zeros_by_all,
 };
 use chladni_base::{Cancelled, Monitor, Spare};
 
@@ -473,14 +473,16 @@ fn places<'a>(patches: &[Patch], rows: &'a mut Vec<CycleRow>, count: usize, want
     if !wanted {
         return patches.iter().map(|_| &mut [][..]).collect();
     }
-    rows.resize(count, [0.0; CYCLE_WIDTH]);
+    if rows.len() != count {
+        *rows = zeros_by_all(count);
+    }
     by_patch(patches, rows)
 }
 
 /// Nine sums of sixteen pairs, for each half of a panel.
 type Totals = [[[f64; CYCLE_WIDTH]; 9]; HALVES];
 
-/// From so many unknowns on, all threads work on a panel together: a panel for each thread takes 720 bytes a row and
+/// From so many unknowns on, all threads work on a panel together: a panel for each thread takes 660 bytes a row and
 /// thread, and threads idle where there are fewer panels. A factor, which is for fewer unknowns, has its panels of
 /// solutions on each thread.
 pub const SHARED_FROM: usize = MOST_FACTORED + 1;
@@ -508,7 +510,7 @@ impl Workspace {
         Self {
             shared,
             lifted: Spare::default(),
-            right: std::array::from_fn(|_| vec![[0.0; CYCLE_WIDTH]; n]),
+            right: std::array::from_fn(|_| if shared { zeros_by_all(n) } else { vec![[0.0; CYCLE_WIDTH]; n] }),
             keep: CycleOutput::Nothing,
             y: Vec::new(),
             rest: Vec::new(),

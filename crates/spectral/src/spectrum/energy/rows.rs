@@ -3,7 +3,9 @@
 use super::forest::{Forest, Pivot, Pivots};
 use super::{Energy, MASS_ROUNDING, SINGLE};
 use chladni_algebra::gpu::{EnclosureSums, ResidualSums};
-use chladni_algebra::{CYCLE_WIDTH, CycleRow, LIFT_WIDTH, MassMatrix, Patch, SparseMatrix, vectorized};
+use chladni_algebra::{
+    AT_ONCE, CYCLE_WIDTH, CycleRow, ExactRow, LIFT_WIDTH, MassMatrix, Patch, SparseMatrix, vectorized,
+};
 use chladni_base::parallel::*;
 
 /// What is enclosed on a patch.
@@ -124,25 +126,24 @@ impl Energy<'_> {
                         }
                         continue;
                     }
-                    let (columns, values) = patch.exact(row);
-                    let values = self.coupled.as_ref().map_or(values, |coupled| coupled.row(global).1);
-                    let mut sx = [0.0; CYCLE_WIDTH];
-                    for (&(column, _), &value) in columns.iter().zip(values) {
-                        let x = lanes_of(&x[column as usize], half);
-                        for k in 0..CYCLE_WIDTH {
-                            sx[k] = value.mul_add(x[k], sx[k]);
-                        }
-                    }
-                    let mut mx = [0.0; CYCLE_WIDTH];
-                    match (&self.mass, patch.consistent_mass(row)) {
-                        (MassMatrix::Sparse(_), Some((columns, values))) => {
+                    let lanes = |column: u32| lanes_of(&x[column as usize], half);
+                    let sx = match &self.coupled {
+                        None => exact_product(patch.exact(row), lanes),
+                        Some(coupled) => {
+                            let (columns, values) = (patch.exact(row).0, coupled.row(global).1);
+                            let mut sum = [0.0; CYCLE_WIDTH];
                             for (&(column, _), &value) in columns.iter().zip(values) {
-                                let x = lanes_of(&x[column as usize], half);
+                                let x = lanes(column);
                                 for k in 0..CYCLE_WIDTH {
-                                    mx[k] = value.mul_add(x[k], mx[k]);
+                                    sum[k] = value.mul_add(x[k], sum[k]);
                                 }
                             }
+                            sum
                         }
+                    };
+                    let mut mx = [0.0; CYCLE_WIDTH];
+                    match (&self.mass, patch.consistent_mass(row)) {
+                        (MassMatrix::Sparse(_), Some(entries)) => mx = exact_product(entries, lanes),
                         _ => {
                             for k in 0..CYCLE_WIDTH {
                                 mx[k] = self.lumped[global] * own[k];
@@ -186,72 +187,72 @@ impl Energy<'_> {
             Some(forest) => forest.pivots(patch.rows(), |row| of_mass * self.lumped[row], of_mass, pivots),
             None => pivots.of_mass(&self.lumped[patch.rows()]),
         }
-        carried.clear();
         carried.resize(patch.rows().len(), [0.0; CYCLE_WIDTH]);
-        let (pivots, start) = (pivots.all(), patch.rows().start);
+        let pivots = pivots.all();
+        // Rows of other parts come last in all; `y` is nothing there, and so is what is left.
+        let own = self.own.saturating_sub(patch.rows().start).min(patch.rows().len());
         vectorized(
             (found, rests, carried),
             #[inline(always)]
             |(found, rests, carried)| {
-                for &Pivot { row, parent, share, inverse } in pivots {
-                    let row = row as usize;
-                    let (r, global) = (&right[row], start + row);
-                    if global >= self.own {
-                        // A row of another part: `y` is nothing there, and so is what is left.
-                        if let Some(rests) = rests.get_mut(row) {
-                            *rests = [0.0; CYCLE_WIDTH];
-                        }
+                let mut sums = Enclosure::default();
+                for (row, (global, carried)) in patch.rows().zip(carried.iter_mut()).enumerate() {
+                    if row >= own {
+                        *carried = [0.0; CYCLE_WIDTH];
                         continue;
                     }
-                    let own = &y[row];
-                    let (columns, values) = patch.exact(row);
-                    let mut ay = [0.0; CYCLE_WIDTH];
-                    for (&(column, _), &value) in columns.iter().zip(values) {
-                        let y = &y[column as usize];
-                        for k in 0..CYCLE_WIDTH {
-                            ay[k] = value.mul_add(y[k].into(), ay[k]);
-                        }
-                    }
-                    let mut mass_y = [0.0; CYCLE_WIDTH];
-                    match (&self.mass, patch.consistent_mass(row)) {
-                        (MassMatrix::Sparse(_), Some((columns, values))) => {
-                            for (&(column, _), &value) in columns.iter().zip(values) {
-                                let y = &y[column as usize];
-                                for k in 0..CYCLE_WIDTH {
-                                    mass_y[k] = value.mul_add(y[k].into(), mass_y[k]);
-                                }
-                            }
-                        }
-                        _ => {
-                            for k in 0..CYCLE_WIDTH {
-                                mass_y[k] = self.lumped[global] * own[k].into();
-                            }
-                        }
-                    }
+                    let own: [f64; CYCLE_WIDTH] = std::array::from_fn(|k| y[row][k].into());
+                    let lanes = |column: u32| &y[column as usize];
+                    let ay = exact_product(patch.exact(row), lanes);
+                    let mass_y = match (&self.mass, patch.consistent_mass(row)) {
+                        (MassMatrix::Sparse(_), Some(entries)) => exact_product(entries, lanes),
+                        _ => own.map(|y| self.lumped[global] * y),
+                    };
                     let weight = self.rounding[global];
-                    let above = carried[row];
-                    let mut given = carried[parent as usize];
-                    let mut rests = rests.get_mut(row);
+                    let mut rest = [0.0; CYCLE_WIDTH];
                     for k in 0..CYCLE_WIDTH {
-                        let (r, y): (f64, f64) = (f64::from(r[k]), own[k].into());
-                        let rest = r - ay[k] - shift * mass_y[k];
-                        ay[k] = rest;
-                        found.below[k] += y * (r + rest);
-                        found.size[k] += (y * r).abs() + (y * rest).abs();
-                        let sum = rest + above[k];
-                        given[k] = share.mul_add(sum, given[k]);
-                        found.excess[k] += sum * sum * inverse;
-                        found.rounding[k] += weight * y * y;
-                        found.mass[k] += y * mass_y[k];
+                        let (r, y) = (f64::from(right[row][k]), own[k]);
+                        rest[k] = r - ay[k] - shift * mass_y[k];
+                        sums.below[k] += y * (r + rest[k]);
+                        sums.size[k] += (y * r).abs() + (y * rest[k]).abs();
+                        sums.rounding[k] += weight * y * y;
+                        sums.mass[k] += y * mass_y[k];
                     }
-                    carried[parent as usize] = given;
-                    if let Some(rests) = &mut rests {
-                        rests.iter_mut().zip(&ay).for_each(|(to, &rest)| *to = rest as f32);
+                    *carried = rest;
+                }
+                for (rests, rest) in rests.iter_mut().zip(carried.iter()) {
+                    *rests = rest.map(|rest| rest as f32);
+                }
+                for &Pivot { row, parent, share, inverse } in pivots {
+                    let sum = carried[row as usize];
+                    let above = &mut carried[parent as usize];
+                    for k in 0..CYCLE_WIDTH {
+                        above[k] = share.mul_add(sum[k], above[k]);
+                        sums.excess[k] += sum[k] * sum[k] * inverse;
                     }
                 }
+                found.add(&sums);
             },
         );
     }
+}
+
+/// A row times columns in double precision.
+#[inline(always)]
+fn exact_product<'a, T: Copy + Into<f64> + 'a>(
+    (columns, values): ExactRow<'_>,
+    lanes: impl Fn(u32) -> &'a [T; CYCLE_WIDTH],
+) -> [f64; CYCLE_WIDTH] {
+    let mut sum = [0.0; CYCLE_WIDTH];
+    for (columns, values) in columns.as_chunks::<AT_ONCE>().0.iter().zip(values.as_chunks::<AT_ONCE>().0) {
+        let rows = columns.map(|(column, _)| lanes(column));
+        for k in 0..CYCLE_WIDTH {
+            for entry in 0..AT_ONCE {
+                sum[k] = values[entry].mul_add(rows[entry][k].into(), sum[k]);
+            }
+        }
+    }
+    sum
 }
 
 #[inline(always)]

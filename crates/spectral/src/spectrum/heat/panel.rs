@@ -14,7 +14,7 @@ use chladni_base::parallel::*;
 
 use super::assemble::{DroppingRule, Part, WidestRows, assemble};
 use super::level::HeatLevel;
-use chladni_algebra::SparseMatrix;
+use chladni_algebra::{AT_ONCE, SparseMatrix};
 use chladni_base::{Cancelled, Monitor};
 
 /// Columns of a panel.
@@ -205,6 +205,7 @@ impl Scratch {
 struct Patch {
     /// Vertices of the level, ascending.
     vertices: Vec<u32>,
+    /// Rows are filled up to multiples of [`AT_ONCE`] with zeros: where one ends is foreseen then.
     offsets: Vec<u32>,
     neighbours: Vec<u32>,
     /// Off-diagonal entries of `D^-½ (M + τS) D^-½`, `D` the diagonal of `M + τS`.
@@ -291,7 +292,10 @@ impl Patch {
                     values.push(factor * weight / root[other as usize]);
                 }
             }
-            offsets.push(neighbours.len() as u32);
+            let filled = neighbours.len().next_multiple_of(AT_ONCE);
+            neighbours.resize(filled, k as u32);
+            values.resize(filled, 0.0);
+            offsets.push(filled as u32);
         }
         Self { vertices, offsets, neighbours, values, root, share }
     }
@@ -369,10 +373,13 @@ fn fma<S: Simd>(a: f32, b: f32, c: f32) -> f32 {
 fn row_times<S: Simd>(patch: &Patch, k: usize, x: &[Lanes]) -> Lanes {
     let mut sum = x[k];
     let range = patch.offsets[k] as usize..patch.offsets[k + 1] as usize;
-    for (&other, &value) in patch.neighbours[range.clone()].iter().zip(&patch.values[range]) {
-        let row = &x[other as usize];
+    let (others, values) = (&patch.neighbours[range.clone()], &patch.values[range]);
+    for (others, values) in others.as_chunks::<AT_ONCE>().0.iter().zip(values.as_chunks::<AT_ONCE>().0) {
+        let rows = others.map(|other| &x[other as usize]);
         for l in 0..WIDTH {
-            sum[l] = fma::<S>(value, row[l], sum[l]);
+            for entry in 0..AT_ONCE {
+                sum[l] = fma::<S>(values[entry], rows[entry][l], sum[l]);
+            }
         }
     }
     sum

@@ -12,7 +12,7 @@ use chladni_base::parallel::*;
 use super::coarsen::Coarsening;
 use super::level::HeatLevel;
 use super::shrink::push_row;
-use chladni_algebra::SparseMatrix;
+use chladni_algebra::{AT_ONCE, SparseMatrix};
 use chladni_base::{Cancelled, Monitor, Spare};
 
 /// Lanes are padded to a multiple of this.
@@ -314,17 +314,18 @@ impl Smoothing<'_> {
     fn rows(&self, vertices: &[u32], local: &[u32]) -> Rows {
         let mut matrix = Rows {
             offsets: Vec::with_capacity(vertices.len() + 1),
-            entries: Vec::with_capacity(7 * vertices.len()),
+            entries: Vec::with_capacity(2 * AT_ONCE * vertices.len()),
             diagonal: Vec::with_capacity(vertices.len()),
         };
         matrix.offsets.push(0);
-        for &v in vertices {
+        for (k, &v) in vertices.iter().enumerate() {
             let factor = self.scales[v as usize];
             if factor != 0.0 {
                 for edge in self.fine.edges(v as usize) {
                     let other = self.fine.neighbours[edge] as usize;
                     matrix.entries.push((local[other], factor * self.fine.weights[edge]));
                 }
+                matrix.entries.resize(matrix.entries.len().next_multiple_of(AT_ONCE), (k as u32, 0.0));
             }
             matrix.offsets.push(matrix.entries.len() as u32);
             matrix.diagonal.push(factor * self.fine.diagonal[v as usize]);
@@ -356,7 +357,7 @@ impl Smoothing<'_> {
     }
 }
 
-/// Rows of the scaled stiffness: off-diagonal entries negated.
+/// Rows of the scaled stiffness: off-diagonal entries negated, and zeros that fill rows up to multiples of [`AT_ONCE`].
 struct Rows {
     offsets: Vec<u32>,
     entries: Vec<(u32, f32)>,
@@ -385,10 +386,12 @@ impl WithSimd for Sweep<'_> {
             let own = 1.0 + beta - gamma * matrix.diagonal[k];
             for c in 0..chunks {
                 let mut sum = [0f32; WIDTH];
-                for &(other, weight) in entries {
-                    let row = &x[other as usize * chunks + c];
+                for entries in entries.as_chunks::<AT_ONCE>().0 {
+                    let rows = entries.map(|(other, _)| &x[other as usize * chunks + c]);
                     for l in 0..WIDTH {
-                        sum[l] = fma::<S>(weight, row[l], sum[l]);
+                        for entry in 0..AT_ONCE {
+                            sum[l] = fma::<S>(entries[entry].1, rows[entry][l], sum[l]);
+                        }
                     }
                 }
                 let (own_row, old) = (&x[k * chunks + c], &mut before[k * chunks + c]);
