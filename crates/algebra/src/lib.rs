@@ -66,7 +66,7 @@ pub use panel_products::{
     restrict, rotate, rotate_and_spare, subtract_combinations,
 };
 pub use panels::{PANEL_WIDTH, PanelMatrix};
-pub use patches::{AT_ONCE, ExactRow, PATCH_ROWS, Patch, RINGS, SparseRows};
+pub use patches::{ENTRIES_AT_ONCE, ExactRow, PATCH_ROWS, Patch, RINGS, SparseRows, fill_up};
 pub use polar::nearest_orthogonal;
 pub use product::{Panel, Scalar};
 pub use recount::eigenvalues_below;

@@ -34,14 +34,14 @@ pub struct Patch {
 
 /// Entries that a loop over a row takes at once. Rows of meshes have five to nine entries: a loop over them one by one
 /// ends where no processor foresees it, and a product takes 10 ns a row instead of 6.
-pub const AT_ONCE: usize = 4;
+pub const ENTRIES_AT_ONCE: usize = 4;
 
 /// Columns of a row, the second number to be ignored, and values in double precision; filled up as those of
 /// [`SparseRows`] are.
 pub type ExactRow<'a> = (&'a [(u32, f32)], &'a [f64]);
 
 /// Rows of a sparse matrix, in single precision. Zeros beside the first entry of a row fill it up to a multiple of
-/// [`AT_ONCE`].
+/// [`ENTRIES_AT_ONCE`].
 #[derive(Debug, Default)]
 pub struct SparseRows {
     offsets: Vec<u32>,
@@ -65,12 +65,15 @@ impl SparseRows {
         }
         parts.into_par_iter().for_each(|(rows, mut part)| {
             for row in rows {
-                let (columns, values) = matrix.row(row);
                 let (own, others) = part.split_at_mut((offsets[row + 1] - offsets[row]) as usize);
-                own.fill((columns.first().copied().unwrap_or_default(), 0.0));
-                let given = columns.iter().zip(values).map(|(&column, &value)| (column, value.into() as f32));
-                own.iter_mut().zip(given).for_each(|(entry, given)| *entry = given);
                 part = others;
+                let (columns, values) = matrix.row(row);
+                // A row without entries has nothing to be filled up.
+                let Some(&first) = columns.first() else { continue };
+                let (given, filling) = own.split_at_mut(columns.len());
+                let entries = columns.iter().zip(values).map(|(&column, &value)| (column, value.into() as f32));
+                given.iter_mut().zip(entries).for_each(|(given, entry)| *given = entry);
+                filling.fill((first, 0.0));
             }
         });
         Self { offsets, entries }
@@ -119,25 +122,31 @@ impl SparseRows {
 
     fn local(matrix: &SparseMatrix, rows: &[u32], numbers: &[u32]) -> Self {
         let mut offsets = Vec::with_capacity(rows.len() + 1);
-        let mut entries: Vec<(u32, f32)> = Vec::with_capacity(2 * AT_ONCE * rows.len());
+        let mut entries: Vec<(u32, f32)> = Vec::with_capacity(2 * ENTRIES_AT_ONCE * rows.len());
         offsets.push(0);
         for &row in rows {
             let (columns, values) = matrix.row(row as usize);
             let begin = entries.len();
             entries.extend(columns.iter().zip(values).map(|(&c, &value)| (numbers[c as usize], value as f32)));
-            let first = entries.get(begin).map_or(0, |entry| entry.0);
-            entries.resize(entries.len().next_multiple_of(AT_ONCE), (first, 0.0));
+            if let Some(&(first, _)) = entries.get(begin) {
+                fill_up(&mut entries, (first, 0.0));
+            }
             offsets.push(entries.len() as u32);
         }
         Self { offsets, entries }
     }
 }
 
+/// Fills up the last of some rows, all of which end at multiples of [`ENTRIES_AT_ONCE`], so that it does too.
+pub fn fill_up<T: Clone>(rows: &mut Vec<T>, zero: T) {
+    rows.resize(rows.len().next_multiple_of(ENTRIES_AT_ONCE), zero);
+}
+
 /// Where rows of such lengths begin if each is filled up, and where the last one ends.
 fn filled_offsets(lengths: impl Iterator<Item = usize>) -> Vec<u32> {
     let mut end = 0;
     let ends = lengths.map(|length| {
-        end += length.next_multiple_of(AT_ONCE) as u32;
+        end += length.next_multiple_of(ENTRIES_AT_ONCE) as u32;
         end
     });
     std::iter::once(0).chain(ends).collect()
@@ -145,10 +154,10 @@ fn filled_offsets(lengths: impl Iterator<Item = usize>) -> Vec<u32> {
 
 /// The values of some rows, filled up like these.
 fn filled_values(matrix: &SparseMatrix, rows: Range<usize>) -> Vec<f64> {
-    let mut filled = Vec::with_capacity(2 * AT_ONCE * rows.len());
+    let mut filled = Vec::with_capacity(2 * ENTRIES_AT_ONCE * rows.len());
     for row in rows {
         filled.extend_from_slice(matrix.row(row).1);
-        filled.resize(filled.len().next_multiple_of(AT_ONCE), 0.0);
+        fill_up(&mut filled, 0.0);
     }
     filled
 }
@@ -321,7 +330,7 @@ mod tests {
             for patch in &patches {
                 for (row, global) in patch.rows().enumerate() {
                     let (columns, values) = patch.exact(row);
-                    assert_eq!((columns.len() % AT_ONCE, columns.len()), (0, values.len()));
+                    assert_eq!((columns.len() % ENTRIES_AT_ONCE, columns.len()), (0, values.len()));
                     let back: Vec<(u32, f64)> = columns
                         .iter()
                         .zip(values)
@@ -358,7 +367,7 @@ mod tests {
                 let back: Vec<u32> = columns.iter().map(|&(c, _)| patch.vertices(1)[c as usize]).collect();
                 let length = matrix.row(global).0.len();
                 assert_eq!((&back[..length], &values[..length]), matrix.row(global));
-                assert!(values[length..].iter().all(|&value| value == 0.0) && values.len() % AT_ONCE == 0);
+                assert!(values[length..].iter().all(|&value| value == 0.0) && values.len() % ENTRIES_AT_ONCE == 0);
             }
         }
     }
@@ -388,7 +397,7 @@ mod tests {
                 let (given, filled) = found.row(row).split_at(columns.len());
                 let expected: Vec<(u32, f32)> = columns.iter().zip(values).map(|(&c, &v)| (c, v as f32)).collect();
                 assert_eq!(given, expected, "{row}");
-                assert_eq!(found.row(row).len(), columns.len().next_multiple_of(AT_ONCE));
+                assert_eq!(found.row(row).len(), columns.len().next_multiple_of(ENTRIES_AT_ONCE));
                 assert!(filled.iter().all(|&entry| entry == (columns[0], 0.0)), "{row}");
             }
         }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::sharing::Sharing;
 use super::{CYCLE_WIDTH, CycleRow};
-use crate::patches::{AT_ONCE, SparseRows};
+use crate::patches::{ENTRIES_AT_ONCE, SparseRows};
 use crate::{Patch, vectorized};
 
 /// The share of the spectrum that the smoother leaves to the coarse level.
@@ -53,7 +53,8 @@ impl<'a> Given<'a> {
         self.right[row].map(|b| scale * b)
     }
 
-    fn from(self, row: usize) -> Self {
+    /// Of the rows from this one on.
+    fn rows_from(self, row: usize) -> Self {
         self.part(row..self.right.len())
     }
 }
@@ -91,7 +92,7 @@ impl Buffers {
         for step in chebyshev(range) {
             let Self { right, x, before, factors } = &mut *self;
             let given = Given { right, factors };
-            sharing.rows(&mut before[..rows], |from, out| sweep(step, matrix, from, given.from(from), x, out));
+            sharing.rows(&mut before[..rows], |from, out| sweep(step, matrix, from, given.rows_from(from), x, out));
             std::mem::swap(x, before);
         }
     }
@@ -231,7 +232,7 @@ fn image(entries: &[(u32, f32)], mass: f32, own: &CycleRow, x: &[CycleRow]) -> C
 #[inline(always)]
 pub(super) fn add_product(entries: &[(u32, f32)], x: &[CycleRow], out: &mut CycleRow) {
     let mut sum = *out;
-    for &[a, b, c, d] in entries.as_chunks::<AT_ONCE>().0 {
+    for &[a, b, c, d] in entries.as_chunks::<ENTRIES_AT_ONCE>().0 {
         let rows = [a, b, c, d].map(|(column, _)| &x[column as usize]);
         for k in 0..CYCLE_WIDTH {
             sum[k] = a.1.mul_add(rows[0][k], sum[k]);

@@ -4,7 +4,7 @@ use super::forest::{Forest, Pivot, Pivots};
 use super::{Energy, MASS_ROUNDING, SINGLE};
 use chladni_algebra::gpu::{EnclosureSums, ResidualSums};
 use chladni_algebra::{
-    AT_ONCE, CYCLE_WIDTH, CycleRow, ExactRow, LIFT_WIDTH, MassMatrix, Patch, SparseMatrix, vectorized,
+    CYCLE_WIDTH, CycleRow, ENTRIES_AT_ONCE, ExactRow, LIFT_WIDTH, MassMatrix, Patch, SparseMatrix, vectorized,
 };
 use chladni_base::parallel::*;
 
@@ -190,14 +190,14 @@ impl Energy<'_> {
         carried.resize(patch.rows().len(), [0.0; CYCLE_WIDTH]);
         let pivots = pivots.all();
         // Rows of other parts come last in all; `y` is nothing there, and so is what is left.
-        let own = self.own.saturating_sub(patch.rows().start).min(patch.rows().len());
+        let owned = self.own.saturating_sub(patch.rows().start).min(patch.rows().len());
         vectorized(
             (found, rests, carried),
             #[inline(always)]
             |(found, rests, carried)| {
                 let mut sums = Enclosure::default();
                 for (row, (global, carried)) in patch.rows().zip(carried.iter_mut()).enumerate() {
-                    if row >= own {
+                    if row >= owned {
                         *carried = [0.0; CYCLE_WIDTH];
                         continue;
                     }
@@ -244,10 +244,12 @@ fn exact_product<'a, T: Copy + Into<f64> + 'a>(
     lanes: impl Fn(u32) -> &'a [T; CYCLE_WIDTH],
 ) -> [f64; CYCLE_WIDTH] {
     let mut sum = [0.0; CYCLE_WIDTH];
-    for (columns, values) in columns.as_chunks::<AT_ONCE>().0.iter().zip(values.as_chunks::<AT_ONCE>().0) {
+    for (columns, values) in
+        columns.as_chunks::<ENTRIES_AT_ONCE>().0.iter().zip(values.as_chunks::<ENTRIES_AT_ONCE>().0)
+    {
         let rows = columns.map(|(column, _)| lanes(column));
         for k in 0..CYCLE_WIDTH {
-            for entry in 0..AT_ONCE {
+            for entry in 0..ENTRIES_AT_ONCE {
                 sum[k] = values[entry].mul_add(rows[entry][k].into(), sum[k]);
             }
         }

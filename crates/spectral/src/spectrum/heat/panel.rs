@@ -14,7 +14,7 @@ use chladni_base::parallel::*;
 
 use super::assemble::{DroppingRule, Part, WidestRows, assemble};
 use super::level::HeatLevel;
-use chladni_algebra::{AT_ONCE, SparseMatrix};
+use chladni_algebra::{ENTRIES_AT_ONCE, SparseMatrix, fill_up};
 use chladni_base::{Cancelled, Monitor};
 
 /// Columns of a panel.
@@ -205,7 +205,7 @@ impl Scratch {
 struct Patch {
     /// Vertices of the level, ascending.
     vertices: Vec<u32>,
-    /// Rows are filled up to multiples of [`AT_ONCE`] with zeros: where one ends is foreseen then.
+    /// Rows are filled up to multiples of [`ENTRIES_AT_ONCE`] with zeros: where one ends is foreseen then.
     offsets: Vec<u32>,
     neighbours: Vec<u32>,
     /// Off-diagonal entries of `D^-½ (M + τS) D^-½`, `D` the diagonal of `M + τS`.
@@ -292,10 +292,9 @@ impl Patch {
                     values.push(factor * weight / root[other as usize]);
                 }
             }
-            let filled = neighbours.len().next_multiple_of(AT_ONCE);
-            neighbours.resize(filled, k as u32);
-            values.resize(filled, 0.0);
-            offsets.push(filled as u32);
+            fill_up(&mut neighbours, k as u32);
+            fill_up(&mut values, 0.0);
+            offsets.push(neighbours.len() as u32);
         }
         Self { vertices, offsets, neighbours, values, root, share }
     }
@@ -374,10 +373,11 @@ fn row_times<S: Simd>(patch: &Patch, k: usize, x: &[Lanes]) -> Lanes {
     let mut sum = x[k];
     let range = patch.offsets[k] as usize..patch.offsets[k + 1] as usize;
     let (others, values) = (&patch.neighbours[range.clone()], &patch.values[range]);
-    for (others, values) in others.as_chunks::<AT_ONCE>().0.iter().zip(values.as_chunks::<AT_ONCE>().0) {
+    for (others, values) in others.as_chunks::<ENTRIES_AT_ONCE>().0.iter().zip(values.as_chunks::<ENTRIES_AT_ONCE>().0)
+    {
         let rows = others.map(|other| &x[other as usize]);
         for l in 0..WIDTH {
-            for entry in 0..AT_ONCE {
+            for entry in 0..ENTRIES_AT_ONCE {
                 sum[l] = fma::<S>(values[entry], rows[entry][l], sum[l]);
             }
         }

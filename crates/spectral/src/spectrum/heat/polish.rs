@@ -12,7 +12,7 @@ use chladni_base::parallel::*;
 use super::coarsen::Coarsening;
 use super::level::HeatLevel;
 use super::shrink::push_row;
-use chladni_algebra::{AT_ONCE, SparseMatrix};
+use chladni_algebra::{ENTRIES_AT_ONCE, SparseMatrix, fill_up};
 use chladni_base::{Cancelled, Monitor, Spare};
 
 /// Lanes are padded to a multiple of this.
@@ -314,7 +314,7 @@ impl Smoothing<'_> {
     fn rows(&self, vertices: &[u32], local: &[u32]) -> Rows {
         let mut matrix = Rows {
             offsets: Vec::with_capacity(vertices.len() + 1),
-            entries: Vec::with_capacity(2 * AT_ONCE * vertices.len()),
+            entries: Vec::with_capacity(2 * ENTRIES_AT_ONCE * vertices.len()),
             diagonal: Vec::with_capacity(vertices.len()),
         };
         matrix.offsets.push(0);
@@ -325,7 +325,7 @@ impl Smoothing<'_> {
                     let other = self.fine.neighbours[edge] as usize;
                     matrix.entries.push((local[other], factor * self.fine.weights[edge]));
                 }
-                matrix.entries.resize(matrix.entries.len().next_multiple_of(AT_ONCE), (k as u32, 0.0));
+                fill_up(&mut matrix.entries, (k as u32, 0.0));
             }
             matrix.offsets.push(matrix.entries.len() as u32);
             matrix.diagonal.push(factor * self.fine.diagonal[v as usize]);
@@ -357,7 +357,8 @@ impl Smoothing<'_> {
     }
 }
 
-/// Rows of the scaled stiffness: off-diagonal entries negated, and zeros that fill rows up to multiples of [`AT_ONCE`].
+/// Rows of the scaled stiffness: off-diagonal entries negated, and zeros that fill rows up to multiples of
+/// [`ENTRIES_AT_ONCE`].
 struct Rows {
     offsets: Vec<u32>,
     entries: Vec<(u32, f32)>,
@@ -386,10 +387,10 @@ impl WithSimd for Sweep<'_> {
             let own = 1.0 + beta - gamma * matrix.diagonal[k];
             for c in 0..chunks {
                 let mut sum = [0f32; WIDTH];
-                for entries in entries.as_chunks::<AT_ONCE>().0 {
+                for entries in entries.as_chunks::<ENTRIES_AT_ONCE>().0 {
                     let rows = entries.map(|(other, _)| &x[other as usize * chunks + c]);
                     for l in 0..WIDTH {
-                        for entry in 0..AT_ONCE {
+                        for entry in 0..ENTRIES_AT_ONCE {
                             sum[l] = fma::<S>(entries[entry].1, rows[entry][l], sum[l]);
                         }
                     }
